@@ -1,0 +1,1 @@
+//! Two-way coupling of fluid and fibres: locate, interpolate, spread, exchange.

@@ -1,0 +1,1 @@
+//! Fibres as beams: mechanics, contacts, placement, hydrodynamic laws, ambient flows.

@@ -1,0 +1,1 @@
+//! The program: case file, command line, time loop, output, checkpoint, report.

@@ -1,0 +1,1 @@
+//! Incompressible finite-volume Navier-Stokes on node pairs.

@@ -1,0 +1,1 @@
+//! Linear algebra the fluid needs: pair matrix, conjugate gradients, algebraic multigrid.
