@@ -210,13 +210,49 @@ impl Communicator {
                 } else {
                     vec![0; length as usize]
                 };
-                // MPI counts are 32-bit.
-                for part in buffer.chunks_mut(1 << 30) {
+                for part in buffer.chunks_mut(World::CHUNK) {
                     process.broadcast_into(part);
                 }
                 buffer
             }
         }
+    }
+
+    /// Sends bytes to another rank, which calls [`Communicator::receive`]. For set-up; may block until received.
+    ///
+    /// # Panics
+    /// Panics when `to` is this rank.
+    pub fn send(&self, to: usize, bytes: &[u8]) {
+        assert_ne!(to, self.rank(), "a rank does not send to itself");
+        #[cfg(feature = "mpi")]
+        if let Inner::Mpi(world) = &*self.inner {
+            let process = world.communicator.process_at_rank(to as i32);
+            process.send_with_tag(&(bytes.len() as u64), World::BYTES_TAG);
+            for part in bytes.chunks(World::CHUNK) {
+                process.send_with_tag(part, World::BYTES_TAG);
+            }
+        }
+        #[cfg(not(feature = "mpi"))]
+        let _ = bytes;
+    }
+
+    /// Bytes that rank `from` sends with [`Communicator::send`].
+    ///
+    /// # Panics
+    /// Panics when `from` is this rank.
+    pub fn receive(&self, from: usize) -> Vec<u8> {
+        assert_ne!(from, self.rank(), "a rank does not send to itself");
+        #[cfg(feature = "mpi")]
+        if let Inner::Mpi(world) = &*self.inner {
+            let process = world.communicator.process_at_rank(from as i32);
+            let (length, _) = process.receive_with_tag::<u64>(World::BYTES_TAG);
+            let mut bytes = vec![0; length as usize];
+            for part in bytes.chunks_mut(World::CHUNK) {
+                process.receive_into_with_tag(part, World::BYTES_TAG);
+            }
+            return bytes;
+        }
+        Vec::new()
     }
 
     /// The slices of all ranks, in rank order, on every rank. For a few numbers a rank only.
@@ -270,6 +306,9 @@ enum Reduction {
 impl World {
     const TAG: i32 = 17;
     const KNOWN_TAG: i32 = 18;
+    const BYTES_TAG: i32 = 19;
+    /// Bytes per message: MPI counts are 32-bit.
+    const CHUNK: usize = 1 << 30;
 
     fn exchange<T: Portable>(&self, rank: usize, mut outgoing: Vec<Vec<T>>) -> Vec<Vec<T>> {
         let size = outgoing.len();
