@@ -1,9 +1,15 @@
 //! Nodes, elements, median-dual geometry, generators, readers, quality.
 
+mod distribute;
 mod error;
+mod graph;
 mod local;
+mod pack;
+mod piece;
 mod topology;
+mod validate;
 
+pub use distribute::{distribute, distribute_from};
 pub use error::MeshError;
 pub use local::{BoundaryNode, DualGeometry, LocalMesh};
 pub use topology::{BoundaryFace, ElementKind, Elements, Image, Mesh, Periods};
