@@ -1,1 +1,20 @@
 //! Linear algebra the fluid needs: pair matrix, conjugate gradients, algebraic multigrid.
+//!
+//! Fields are slices over the nodes of a rank, owned entries first. "Total" length includes the halo entries;
+//! operators bring the halo entries of what they read up to date themselves. All sums run over fixed blocks, so that
+//! results are bitwise the same for any number of threads.
+
+mod cg;
+mod error;
+mod helmholtz;
+mod matrix;
+mod operator;
+mod value;
+mod vectors;
+
+pub use cg::{CgSettings, ConjugateGradients, NullSpace, SolveReport};
+pub use error::SolveError;
+pub use helmholtz::Helmholtz;
+pub use matrix::PairMatrix;
+pub use operator::{Jacobi, LinearOperator, Preconditioner};
+pub use value::Value;
