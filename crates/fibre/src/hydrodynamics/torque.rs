@@ -1,0 +1,199 @@
+//! Torque per length of a fibre beside the moment of its drag: spin and strain of the flow over the thickness.
+
+use super::{FluidProperties, Section, SlenderConstants};
+use nalgebra::{Matrix3, Vector3};
+
+/// Spin about the axis, K 4.27.
+const SPIN_AXIAL: f64 = 3.10;
+/// Spin across the axis, K 4.27.
+const SPIN_NORMAL: f64 = 0.35;
+/// Strain, K 4.28.
+const STRAIN: f64 = 3.07;
+
+/// Which law gives the torque per length.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TorqueModel {
+    /// No torque.
+    None,
+    /// K 4.27, 4.28: C_r∥ = 3.10, C_r⊥ = 0.35, C_s = 3.07.
+    Kunhappan,
+    /// C_r as K; C_s chosen so that a straight rigid fibre with this slender-body drag turns with Jeffery's period at
+    /// Cox's equivalent aspect ratio.
+    Jeffery(SlenderConstants),
+}
+
+impl Default for TorqueModel {
+    /// Jeffery with Batchelor's constants, which [`super::DragModel::Auto`] uses too.
+    fn default() -> Self {
+        Self::Jeffery(SlenderConstants::Batchelor)
+    }
+}
+
+/// Torque per length \[N\]: T = R(Ω − ω) + strain, with Ω = ½∇×u, ω the fibre's angular velocity and
+/// R = resistance_axial tt + resistance_normal (I − tt).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TorqueLaw {
+    /// About the axis \[N·s\].
+    pub resistance_axial: f64,
+    /// Across the axis \[N·s\].
+    pub resistance_normal: f64,
+    /// Torque of the strain rate \[N\].
+    pub strain_torque: Vector3<f64>,
+}
+
+impl TorqueLaw {
+    /// Torque per length \[N\] on a fibre turning at `angular_velocity` \[rad/s\] in fluid with ∇u = `gradient`.
+    pub fn torque(
+        &self,
+        tangent: &Vector3<f64>,
+        gradient: &Matrix3<f64>,
+        angular_velocity: &Vector3<f64>,
+    ) -> Vector3<f64> {
+        let relative = spin(gradient) - angular_velocity;
+        self.resistance_normal * relative
+            + (self.resistance_axial - self.resistance_normal) * tangent.dot(&relative) * tangent
+            + self.strain_torque
+    }
+}
+
+/// Ω = ½ ∇×u for gradient\[i\]\[j\] = ∂u_i/∂x_j.
+pub fn spin(gradient: &Matrix3<f64>) -> Vector3<f64> {
+    0.5 * Vector3::new(
+        gradient[(2, 1)] - gradient[(1, 2)],
+        gradient[(0, 2)] - gradient[(2, 0)],
+        gradient[(1, 0)] - gradient[(0, 1)],
+    )
+}
+
+/// Cox's equivalent aspect ratio of a cylinder, r_e = 1.24 r_p/√(ln r_p) (Cox 1971, J. Fluid Mech. 45:625; K 6.8).
+pub fn cox_aspect_ratio(aspect_ratio: f64) -> f64 {
+    1.24 * aspect_ratio / aspect_ratio.ln().sqrt()
+}
+
+impl TorqueModel {
+    /// The law at a point with unit tangent `tangent` and gradient\[i\]\[j\] = ∂u_i/∂x_j \[1/s\].
+    ///
+    /// T_s = −C_s μ d² t × (E·t): K 4.28 with its sign turned, so that a fibre aligned with a shear flow feels
+    /// −(C_r⊥ + C_s)/2 μ d² γ̇ and tumbles.
+    pub fn torque(
+        &self,
+        tangent: &Vector3<f64>,
+        gradient: &Matrix3<f64>,
+        section: &Section,
+        fluid: &FluidProperties,
+    ) -> TorqueLaw {
+        let unit = match self {
+            Self::None => 0.0,
+            _ => fluid.viscosity * section.diameter * section.diameter,
+        };
+        let strain_rate = 0.5 * (gradient + gradient.transpose());
+        let strain = self.strain_coefficient(section.aspect_ratio());
+        TorqueLaw {
+            resistance_axial: SPIN_AXIAL * unit,
+            resistance_normal: SPIN_NORMAL * unit,
+            strain_torque: -strain * unit * tangent.cross(&(strain_rate * tangent)),
+        }
+    }
+
+    /// C_s. Jeffery: (2A + C_r⊥(1 − r_e²))/(1 + r_e²), A = ζ⊥L²/(12 μ d²), from equating the angular velocity of the
+    /// aligned fibre, −γ̇/(1 + r_e²), with that of drag moment, spin and strain together.
+    fn strain_coefficient(self, aspect_ratio: f64) -> f64 {
+        let constants = match self {
+            Self::None => return 0.0,
+            Self::Kunhappan => return STRAIN,
+            Self::Jeffery(constants) => constants,
+        };
+        let moment = constants.resistance(aspect_ratio, 1.0).normal * aspect_ratio.powi(2) / 12.0;
+        let r2 = cox_aspect_ratio(aspect_ratio).powi(2);
+        (2.0 * moment + SPIN_NORMAL * (1.0 - r2)) / (1.0 + r2)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FLUID: FluidProperties = FluidProperties {
+        density: 1000.0,
+        viscosity: 0.02,
+    };
+
+    fn section(aspect_ratio: f64) -> Section {
+        Section {
+            diameter: 2e-5,
+            fibre_length: 2e-5 * aspect_ratio,
+        }
+    }
+
+    /// u_x = γ̇ y.
+    fn shear(rate: f64) -> Matrix3<f64> {
+        let mut g = Matrix3::zeros();
+        g[(0, 1)] = rate;
+        g
+    }
+
+    #[test]
+    fn an_aligned_fibre_in_shear_is_turned_over() {
+        let (rate, s) = (30.0, section(50.0));
+        let t = Vector3::x();
+        let law = TorqueModel::Kunhappan.torque(&t, &shear(rate), &s, &FLUID);
+        let torque = law.torque(&t, &shear(rate), &Vector3::zeros());
+        let unit = FLUID.viscosity * s.diameter.powi(2) * rate;
+        let expected = -(0.35 + 3.07) / 2.0 * unit;
+        assert!((torque - Vector3::new(0.0, 0.0, expected)).norm() < 1e-12 * unit);
+        assert!((torque.z / unit + 1.71).abs() < 1e-12);
+    }
+
+    #[test]
+    fn spin_about_the_axis_and_no_torque_in_rigid_rotation() {
+        let omega = Vector3::new(1.0, -2.0, 3.0);
+        let gradient = omega.cross_matrix();
+        assert!((spin(&gradient) - omega).norm() < 1e-14);
+        let t = Vector3::new(2.0, 1.0, -2.0) / 3.0;
+        let law = TorqueModel::default().torque(&t, &gradient, &section(20.0), &FLUID);
+        assert!(law.torque(&t, &gradient, &omega).norm() < 1e-20);
+        let about_axis = law.torque(&t, &Matrix3::zeros(), &(-t));
+        let unit = FLUID.viscosity * 4e-10;
+        assert!((about_axis - 3.10 * unit * t).norm() < 1e-12 * unit);
+    }
+
+    #[test]
+    fn strain_coefficient_that_gives_jefferys_period() {
+        for (r_p, expected) in [
+            (10.0, 0.63),
+            (20.0, 0.70),
+            (50.0, 0.76),
+            (100.0, 0.79),
+            (200.0, 0.82),
+        ] {
+            let c = TorqueModel::default().strain_coefficient(r_p);
+            assert!((c - expected).abs() < 0.0051, "r_p {r_p}: {c}");
+        }
+    }
+
+    /// Drag moment, spin and strain integrated over a straight rigid fibre give Jeffery's φ̇ at every angle in the plane.
+    #[test]
+    fn a_rigid_fibre_turns_as_jeffery_says() {
+        let (rate, r_p) = (5.0, 30.0);
+        let s = section(r_p);
+        for constants in [SlenderConstants::Batchelor, SlenderConstants::Kunhappan] {
+            let zeta = constants.resistance(r_p, FLUID.viscosity).normal;
+            let moment = zeta * s.fibre_length.powi(2) / 12.0;
+            let r2 = cox_aspect_ratio(r_p).powi(2);
+            for k in 0..12 {
+                let angle = 0.3 * f64::from(k);
+                let t = Vector3::new(angle.cos(), angle.sin(), 0.0);
+                let model = TorqueModel::Jeffery(constants);
+                let law = model.torque(&t, &shear(rate), &s, &FLUID);
+                let drive = moment * t.cross(&(shear(rate) * t)).z
+                    + law.torque(&t, &shear(rate), &Vector3::zeros()).z;
+                let turned = drive / (moment + law.resistance_normal);
+                let jeffery = -rate * (r2 * angle.sin().powi(2) + angle.cos().powi(2)) / (r2 + 1.0);
+                assert!(
+                    (turned - jeffery).abs() < 1e-12 * rate,
+                    "{angle}: {turned} {jeffery}"
+                );
+            }
+        }
+    }
+}
