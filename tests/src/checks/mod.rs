@@ -1,0 +1,42 @@
+//! Checks that need several ranks: run by `mpi_checks <name>` under `mpirun`, see `tests/mpi.rs`.
+//!
+//! A check is a collective function that returns what is wrong. To add one: write it in a file here, list it in
+//! [`CHECKS`], and name it in `tests/mpi.rs`.
+
+use fibreflow_parallel::Communicator;
+
+mod distribution;
+mod halo;
+pub mod meshes;
+
+/// What a failing check says.
+pub type Outcome = Result<(), Box<dyn std::error::Error>>;
+
+/// Runs on all ranks.
+pub type Check = fn(&Communicator) -> Outcome;
+
+/// Name and function of every check.
+pub const CHECKS: &[(&str, Check)] = &[
+    ("halo_is_adjoint", halo::adjoint),
+    ("halo_brings_the_owners_values", halo::owners_values),
+    (
+        "no_rank_holds_the_mesh",
+        distribution::no_rank_holds_the_mesh,
+    ),
+    (
+        "messages_scale_with_the_interface",
+        distribution::messages_scale,
+    ),
+    (
+        "an_error_on_rank_0_reaches_all",
+        distribution::errors_reach_all,
+    ),
+];
+
+/// Error with a message unless `holds`.
+///
+/// # Errors
+/// When `holds` is false.
+pub fn ensure(holds: bool, message: impl FnOnce() -> String) -> Outcome {
+    if holds { Ok(()) } else { Err(message().into()) }
+}
