@@ -51,9 +51,13 @@ impl NodeGraph {
     }
 
     /// Neighbours of node i.
-    #[cfg(test)]
     pub fn row(&self, i: u32) -> &[u32] {
         &self.columns[self.offsets[i as usize] as usize..self.offsets[i as usize + 1] as usize]
+    }
+
+    /// Number of nodes.
+    pub fn nodes(&self) -> usize {
+        self.offsets.len() - 1
     }
 }
 

@@ -6,10 +6,12 @@ mod graph;
 mod local;
 mod pack;
 mod piece;
+mod renumber;
 mod topology;
 mod validate;
 
 pub use distribute::{distribute, distribute_from};
 pub use error::MeshError;
 pub use local::{BoundaryNode, DualGeometry, LocalMesh};
+pub use renumber::{Bandwidth, Renumbering, renumber};
 pub use topology::{BoundaryFace, ElementKind, Elements, Image, Mesh, Periods};
