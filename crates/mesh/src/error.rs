@@ -20,7 +20,7 @@ pub enum MeshError {
     },
     /// An element has a non-positive Jacobian at a vertex.
     #[error(
-        "element {element} ({}) around ({:.6e}, {:.6e}, {:.6e}) is inverted: its Jacobian at vertex {vertex} is {jacobian:.3e} m³",
+        "element {element} ({}) around ({:.6e}, {:.6e}, {:.6e}) is inverted or flat: its Jacobian at vertex {vertex} is {jacobian:.3e} m³",
         kind.name(), centre[0], centre[1], centre[2]
     )]
     Inverted {

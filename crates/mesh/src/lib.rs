@@ -2,7 +2,9 @@
 
 mod distribute;
 mod error;
+mod faces;
 mod graph;
+mod jacobian;
 mod local;
 mod pack;
 mod piece;
@@ -15,3 +17,4 @@ pub use error::MeshError;
 pub use local::{BoundaryNode, DualGeometry, LocalMesh};
 pub use renumber::{Bandwidth, Renumbering, renumber};
 pub use topology::{BoundaryFace, ElementKind, Elements, Image, Mesh, Periods};
+pub use validate::validate;
