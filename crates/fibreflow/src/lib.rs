@@ -1,1 +1,3 @@
-//! The program: case file, command line, time loop, output, checkpoint, report.
+//! The program: case file, time loop, output, checkpoint.
+
+pub mod case;

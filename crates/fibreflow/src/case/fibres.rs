@@ -1,0 +1,268 @@
+//! Fibres: shape, material, placement, contacts, hydrodynamic laws, coupling.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A group of equal fibres.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FibreGroup {
+    /// Where the fibres are at the start.
+    pub placement: Placement,
+    /// Length along the axis [m]. Needed for random placement; otherwise it follows from the positions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub length: Option<f64>,
+    /// Diameter [m].
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub diameter: f64,
+    /// Beam segments of a fibre. Needed unless all nodes are given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1))]
+    pub segments: Option<usize>,
+    /// Young's modulus [Pa].
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub youngs_modulus: f64,
+    /// Poisson's ratio.
+    #[serde(default = "poisson_ratio")]
+    #[schemars(extend("exclusiveMinimum" = -1), range(max = 0.5))]
+    pub poisson_ratio: f64,
+    /// Density [kg/m³].
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub density: f64,
+    /// Internal damping: stiffness-proportional, as a fraction of critical of the stiffest mode.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub damping: f64,
+    /// Shape without load.
+    #[serde(default)]
+    pub shape: Shape,
+    /// Ends that are held in place and direction.
+    #[serde(default)]
+    pub clamp: Clamp,
+    /// Constant forces on nodes.
+    #[serde(default)]
+    pub point_loads: Vec<PointLoad>,
+}
+
+fn poisson_ratio() -> f64 {
+    0.3
+}
+
+/// Where the fibres of a group are at the start.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Placement {
+    /// At random without overlap, in the box of the mesh or of the ambient flow.
+    Random {
+        /// Number of fibres; this or `volume_fraction`.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        count: Option<usize>,
+        /// Volume of fibres by volume of the box; this or `count`.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("exclusiveMinimum" = 0), range(max = 0.5))]
+        volume_fraction: Option<f64>,
+        /// Seed of the random numbers.
+        #[serde(default)]
+        seed: u64,
+        /// Directions.
+        #[serde(default)]
+        orientation: Orientation,
+    },
+    /// One straight fibre between two points.
+    Line {
+        /// First end [m].
+        start: [f64; 3],
+        /// Last end [m].
+        end: [f64; 3],
+    },
+    /// One fibre through given nodes.
+    Nodes {
+        /// Node positions [m].
+        #[schemars(length(min = 2))]
+        positions: Vec<[f64; 3]>,
+    },
+}
+
+/// Directions of randomly placed fibres.
+#[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Orientation {
+    /// All directions alike.
+    #[default]
+    Isotropic,
+    /// One direction.
+    Aligned {
+        /// Direction; its length does not matter.
+        direction: [f64; 3],
+    },
+}
+
+/// Shape without load.
+#[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Shape {
+    /// Straight.
+    #[default]
+    Straight,
+    /// An arc of a circle.
+    U {
+        /// Radius of the arc [m].
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        radius: f64,
+    },
+    /// As placed: the given nodes are free of stress.
+    AsPlaced,
+}
+
+/// Ends that are held in place and direction.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Clamp {
+    /// Both ends free.
+    #[default]
+    None,
+    /// First node.
+    First,
+    /// Last node.
+    Last,
+    /// Both.
+    Both,
+}
+
+/// A constant force on one node of every fibre of the group.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PointLoad {
+    /// Node, from 0; negative counts from the end: −1 is the last.
+    pub node: i64,
+    /// Force [N].
+    pub force: [f64; 3],
+}
+
+/// Contacts between segments and with walls: linear spring, damping, Coulomb friction.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Contact {
+    /// Normal stiffness [N/m].
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub stiffness: f64,
+    /// Tangential by normal stiffness.
+    #[serde(default = "tangential_ratio")]
+    #[schemars(range(min = 0.0))]
+    pub tangential_ratio: f64,
+    /// Damping as a fraction of critical.
+    #[serde(default = "contact_damping")]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub damping: f64,
+    /// Coefficient of friction.
+    #[serde(default)]
+    #[schemars(range(min = 0.0))]
+    pub friction: f64,
+}
+
+fn tangential_ratio() -> f64 {
+    2.0 / 7.0
+}
+
+fn contact_damping() -> f64 {
+    0.1
+}
+
+/// Drag and torque laws.
+#[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Hydrodynamics {
+    /// Force per length.
+    pub drag: DragLaw,
+    /// Torque per length.
+    pub torque: TorqueLaw,
+}
+
+/// Force per length on a segment.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum DragLaw {
+    /// By the Reynolds number of the normal slip.
+    #[default]
+    Auto,
+    /// Slender body in creeping flow (Batchelor 1970).
+    SlenderBody,
+    /// Infinite cylinder (Tomotika; Marheineke & Wegener; Taylor).
+    InfiniteCylinder,
+    /// No force.
+    None,
+}
+
+/// Torque per length on a segment.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum TorqueLaw {
+    /// Spin and strain terms with Kunhappan's constants (4.27, 4.28).
+    #[default]
+    Kunhappan,
+    /// The constant that gives a straight rigid fibre Jeffery's period.
+    Jeffery,
+    /// No torque.
+    None,
+}
+
+/// How fibres and fluid act on each other.
+#[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Coupling {
+    /// One-way or two-way.
+    pub mode: CouplingMode,
+}
+
+/// Direction of the coupling.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum CouplingMode {
+    /// The fluid moves the fibres.
+    OneWay,
+    /// The fibres act back on the fluid.
+    #[default]
+    TwoWay,
+}
+
+/// Gravity.
+#[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Gravity {
+    /// Acceleration [m/s²].
+    pub acceleration: [f64; 3],
+}
+
+/// A prescribed flow.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum AmbientFlow {
+    /// At rest.
+    Quiescent,
+    /// The same everywhere.
+    Uniform {
+        /// Velocity [m/s].
+        velocity: [f64; 3],
+    },
+    /// Simple shear: u = rate · y.
+    Shear {
+        /// Shear rate [1/s].
+        rate: f64,
+    },
+    /// Uniaxial extension along x: u = rate (x, −y/2, −z/2).
+    Extension {
+        /// Extension rate [1/s].
+        rate: f64,
+    },
+    /// Planar extension: u = rate (x, −y, 0).
+    PlanarExtension {
+        /// Extension rate [1/s].
+        rate: f64,
+    },
+    /// Rotation about z: u = rate (−y, x, 0).
+    Vortex {
+        /// Angular velocity [rad/s].
+        rate: f64,
+    },
+}

@@ -1,0 +1,179 @@
+//! The fluid: material, initial field, boundaries, forcing, solver.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// An incompressible Newtonian fluid.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Fluid {
+    /// Density [kg/m³].
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub density: f64,
+    /// Dynamic viscosity [Pa·s].
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub viscosity: f64,
+    /// Velocity at the start. Default: at rest.
+    #[serde(default)]
+    pub initial: Initial,
+    /// What drives the flow. Default: nothing.
+    #[serde(default)]
+    pub forcing: Forcing,
+    /// Condition on every patch of the mesh.
+    #[serde(default)]
+    pub boundaries: BTreeMap<String, Boundary>,
+    /// Solver of the pressure equation.
+    #[serde(default)]
+    pub poisson: Poisson,
+}
+
+/// Velocity at the start.
+#[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Initial {
+    /// At rest.
+    #[default]
+    Rest,
+    /// The same everywhere.
+    Uniform {
+        /// Velocity [m/s].
+        velocity: [f64; 3],
+    },
+    /// Laminar profile between the two walls of a box: 3/2 U (1 − η²), η = −1…1 across.
+    Poiseuille {
+        /// Mean velocity [m/s].
+        bulk_velocity: [f64; 3],
+    },
+    /// Two-dimensional Taylor–Green vortices on a drift:
+    /// u = U + A cos kx' sin ky', v = V − A sin kx' cos ky', k = 2π/wavelength.
+    TaylorGreen {
+        /// A [m/s].
+        amplitude: f64,
+        /// Wavelength [m], the same in x and y.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        wavelength: f64,
+        /// Uniform drift (U, V, W) [m/s].
+        #[serde(default)]
+        drift: [f64; 3],
+    },
+    /// Poiseuille profile with divergence-free streamwise rolls and waves that decay at the walls.
+    PerturbedChannel {
+        /// Mean velocity [m/s].
+        bulk_velocity: [f64; 3],
+        /// Largest disturbance as a fraction of the mean velocity.
+        #[serde(default = "tenth")]
+        #[schemars(range(min = 0.0))]
+        amplitude: f64,
+    },
+    /// From formulas in x, y, z [m]: + − * / ^, parentheses, `pi`, and sin, cos, tan, sinh, cosh, tanh, exp, log, sqrt, abs.
+    Expression {
+        /// Formulas of the three components [m/s].
+        velocity: [String; 3],
+    },
+    /// From a CSV file with columns x,y,z,u,v,w (SI units) that has a line for every node.
+    File {
+        /// Path, relative to the case file.
+        file: String,
+    },
+}
+
+fn tenth() -> f64 {
+    0.1
+}
+
+/// What drives the flow.
+#[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Forcing {
+    /// Nothing but the boundaries.
+    #[default]
+    None,
+    /// Constant driving force per volume, −dp/dx.
+    PressureGradient {
+        /// Force per volume [N/m³].
+        value: [f64; 3],
+    },
+    /// A force per volume that keeps the mean velocity along a direction.
+    BulkVelocity {
+        /// Direction; its length does not matter.
+        direction: [f64; 3],
+        /// Mean velocity [m/s].
+        value: f64,
+    },
+}
+
+/// Condition on a patch.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Boundary {
+    /// No slip, at rest.
+    Wall {},
+    /// No slip, moving in its own plane.
+    MovingWall {
+        /// Velocity of the wall [m/s].
+        velocity: [f64; 3],
+    },
+    /// Symmetry: no flow through, no shear stress.
+    Slip {},
+    /// Prescribed velocity.
+    Inlet {
+        /// Mean velocity [m/s].
+        velocity: [f64; 3],
+        /// Shape over the patch.
+        #[serde(default)]
+        profile: Profile,
+    },
+    /// Prescribed pressure; the flow leaves as it likes.
+    Outlet {
+        /// Pressure [Pa].
+        #[serde(default)]
+        pressure: f64,
+    },
+}
+
+/// Shape of an inlet profile.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Profile {
+    /// The same everywhere.
+    #[default]
+    Uniform,
+    /// Parabolic between the walls that bound the inlet of a box.
+    Parabolic,
+}
+
+/// Solver of the pressure equation.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Poisson {
+    /// Residual at which the solver stops, relative to the right-hand side.
+    #[schemars(extend("exclusiveMinimum" = 0), range(max = 0.1))]
+    pub tolerance: f64,
+    /// Preconditioner of the conjugate gradients.
+    pub preconditioner: Preconditioner,
+    /// Iterations after which the run is given up.
+    #[schemars(range(min = 1))]
+    pub max_iterations: usize,
+}
+
+impl Default for Poisson {
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-8,
+            preconditioner: Preconditioner::default(),
+            max_iterations: 2000,
+        }
+    }
+}
+
+/// Preconditioner of the conjugate gradients.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Preconditioner {
+    /// Algebraic multigrid by aggregation.
+    #[default]
+    Amg,
+    /// The diagonal.
+    Jacobi,
+}

@@ -1,0 +1,199 @@
+//! The case file: typed schema, defaults, checks.
+//!
+//! A case is one TOML file. [`load`] reads it, applies `--set` overrides, checks it against the JSON schema that is
+//! generated from the types here (so that every complaint names a key, its value and what would be valid), and then
+//! against the rules that no schema can say ([`validate`]).
+
+mod document;
+mod error;
+mod fibres;
+mod fluid;
+mod mesh;
+mod run;
+mod schema;
+mod validate;
+
+pub use document::{Document, Place};
+pub use error::CaseError;
+pub use fibres::{
+    AmbientFlow, Clamp, Contact, Coupling, CouplingMode, DragLaw, FibreGroup, Gravity,
+    Hydrodynamics, Orientation, Placement, PointLoad, Shape, TorqueLaw,
+};
+pub use fluid::{Boundary, Fluid, Forcing, Initial, Poisson, Preconditioner, Profile};
+pub use mesh::{Ambient, BoxElement, Domain, MeshSource, Stretching};
+pub use run::{Exact, Output, Schedule, Time};
+pub use schema::json_schema;
+pub use validate::{validate_domain, validate_patches};
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// A case file. All quantities are in SI units: m, kg, s, N, Pa.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Case {
+    /// What the case is about.
+    #[serde(rename = "case", default)]
+    pub about: About,
+    /// How long and in which steps.
+    pub time: Time,
+    /// The mesh of the fluid; goes with `[fluid]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mesh: Option<MeshSource>,
+    /// The fluid that is solved for; goes with `[mesh]`. Either this or `[ambient]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fluid: Option<Fluid>,
+    /// A prescribed analytic flow in place of `[mesh]` and `[fluid]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ambient: Option<Ambient>,
+    /// Groups of equal fibres.
+    #[serde(default)]
+    pub fibres: Vec<FibreGroup>,
+    /// Contacts between segments and with walls; without this table there are none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contact: Option<Contact>,
+    /// Drag and torque laws.
+    #[serde(default)]
+    pub hydrodynamics: Hydrodynamics,
+    /// How fibres and fluid act on each other.
+    #[serde(default)]
+    pub coupling: Coupling,
+    /// Gravity.
+    #[serde(default)]
+    pub gravity: Gravity,
+    /// What is written and when.
+    #[serde(default)]
+    pub output: Output,
+    /// The exact answer, where the case has one; `summary.json` then lists the errors.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exact: Option<Exact>,
+}
+
+/// What the case is about.
+#[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct About {
+    /// Title, shown at the start of a run.
+    pub title: String,
+}
+
+/// Reads and checks a case file.
+///
+/// `overrides` are `key=value` pairs as given to `--set`: dotted keys, list entries by number, TOML values (a value that is
+/// not TOML is taken as a string).
+///
+/// # Errors
+/// [`CaseError`] with the file, line, key and value of the first thing that is wrong.
+pub fn load(path: &Path, overrides: &[String]) -> Result<(Case, Document), Box<CaseError>> {
+    let mut document = Document::read(path)?;
+    for text in overrides {
+        document.set(text)?;
+    }
+    let case = parse(&document)?;
+    Ok((case, document))
+}
+
+fn parse(document: &Document) -> Result<Case, Box<CaseError>> {
+    schema::check(document)?;
+    let case: Case = document.value().clone().try_into().map_err(
+        // The schema has accepted the document, so this is a rule that only serde knows.
+        |e: toml::de::Error| document.error("", e.message().to_owned()),
+    )?;
+    validate::validate(&case, document)?;
+    Ok(case)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn complaint(text: &str, overrides: &[&str]) -> String {
+        let mut document = Document::parse("case.toml", text).expect("toml");
+        for o in overrides {
+            document.set(o).expect("override");
+        }
+        let error = parse(&document).expect_err("the case is wrong");
+        error.render()
+    }
+
+    const GOOD: &str = r#"
+[time]
+end = 1.0
+step = 0.1
+
+[mesh]
+kind = "box"
+size = [1, 1, 1]
+cells = [4, 4, 4]
+periodic = [true, false, true]
+
+[fluid]
+density = 1000.0
+viscosity = 0.1
+boundaries.y_min = { kind = "wall" }
+boundaries.y_max = { kind = "wall" }
+
+[[fibres]]
+length = 0.1
+diameter = 0.01
+segments = 4
+youngs_modulus = 1e6
+density = 1000.0
+placement = { kind = "random", count = 3, seed = 1 }
+"#;
+
+    #[test]
+    fn defaults_are_filled_in() {
+        let document = Document::parse("case.toml", GOOD).expect("toml");
+        let case = parse(&document).expect("a good case");
+        assert_eq!(case.fibres[0].poisson_ratio, 0.3);
+        let text = toml::to_string(&case).expect("written");
+        let again = Document::parse("resolved.toml", &text).expect("toml");
+        parse(&again).expect("the resolved case is a case");
+    }
+
+    #[test]
+    fn an_unknown_key_names_its_neighbour() {
+        let text = GOOD.replace("viscosity = 0.1", "viscosity = 0.1\nviscocity = 2");
+        let message = complaint(&text, &[]);
+        assert!(message.contains("fluid.viscocity"), "{message}");
+        assert!(message.contains("did you mean `viscosity`"), "{message}");
+        assert!(message.contains("case.toml:15"), "{message}");
+    }
+
+    #[test]
+    fn a_wrong_type_names_key_and_value() {
+        let message = complaint(&GOOD.replace("end = 1.0", "end = \"long\""), &[]);
+        assert!(
+            message.contains("time.end = \"long\"") && message.contains("number"),
+            "{message}"
+        );
+    }
+
+    #[test]
+    fn bounds_hold_for_overrides_too() {
+        let message = complaint(GOOD, &["fluid.viscosity=-1"]);
+        assert!(
+            message.contains("fluid.viscosity = -1") && message.contains("greater than 0"),
+            "{message}"
+        );
+        assert!(message.contains("--set"), "{message}");
+        let message = complaint(GOOD, &["fibres.0.placement.kind=randon"]);
+        assert!(
+            message.contains("fibres[0].placement.kind") && message.contains("`random`"),
+            "{message}"
+        );
+    }
+
+    #[test]
+    fn rules_across_keys_are_checked() {
+        let message = complaint(&GOOD.replace("step = 0.1", ""), &[]);
+        assert!(
+            message.contains("time") && message.contains("cfl"),
+            "{message}"
+        );
+        let message = complaint(GOOD, &["fibres.0.diameter=0.2"]);
+        assert!(message.contains("fibres[0].diameter"), "{message}");
+    }
+}

@@ -1,0 +1,83 @@
+//! Time, output, exact answers.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// How long and in which steps.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Time {
+    /// Simulated time at the end [s].
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub end: f64,
+    /// Constant time step [s]; this or `cfl`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub step: Option<f64>,
+    /// Courant number that the step follows; this or `step`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0), range(max = 1.7))]
+    pub cfl: Option<f64>,
+    /// Largest step with `cfl` [s].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub max_step: Option<f64>,
+}
+
+/// What is written and when.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Output {
+    /// VTK files of fluid and fibres. Default: at the start and at the end.
+    pub vtk: Schedule,
+    /// Lines of the CSV series. Default: every step.
+    pub series: Schedule,
+    /// Checkpoints; the last two are kept. Default: at the end.
+    pub checkpoint: Schedule,
+    /// Wall time after which the run writes a checkpoint and stops cleanly [s].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub wall_time_limit: Option<f64>,
+}
+
+impl Default for Output {
+    fn default() -> Self {
+        Self {
+            vtk: Schedule::default(),
+            series: Schedule {
+                every: Some(1),
+                interval: None,
+            },
+            checkpoint: Schedule::default(),
+            wall_time_limit: None,
+        }
+    }
+}
+
+/// When something is done, apart from the end of the run.
+#[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Schedule {
+    /// Every so many steps; this or `interval`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1))]
+    pub every: Option<u64>,
+    /// Every so much simulated time [s]; steps land on it exactly. This or `every`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub interval: Option<f64>,
+}
+
+/// The exact answer of a case.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Exact {
+    /// Decaying Taylor–Green vortices, from the parameters of `fluid.initial`.
+    TaylorGreen,
+    /// Plane Poiseuille flow between the two walls of a box, driven by `fluid.forcing`.
+    Poiseuille,
+    /// Static deflection of the first fibre, clamped at its first node, under its point load (Euler–Bernoulli).
+    Cantilever,
+    /// Period of the first fibre in simple shear (Jeffery 1922, equivalent aspect ratio of Cox 1971).
+    Jeffery,
+}

@@ -1,0 +1,375 @@
+//! Rules that no schema can say: which keys go together, what must fit into what.
+
+use super::{
+    Case, CaseError, Document, Exact, Forcing, Initial, MeshSource, Placement, Schedule, Shape,
+    schema,
+};
+
+type Checked = Result<(), Box<CaseError>>;
+
+/// Rules that need the case alone.
+pub(super) fn validate(case: &Case, document: &Document) -> Checked {
+    check_time(case, document)?;
+    check_parts(case, document)?;
+    check_fluid(case, document)?;
+    for (k, _) in case.fibres.iter().enumerate() {
+        check_group(case, k, document)?;
+    }
+    for (name, schedule) in [
+        ("vtk", &case.output.vtk),
+        ("series", &case.output.series),
+        ("checkpoint", &case.output.checkpoint),
+    ] {
+        check_schedule(name, schedule, document)?;
+    }
+    check_exact(case, document)
+}
+
+fn check_time(case: &Case, document: &Document) -> Checked {
+    let time = &case.time;
+    match (time.step, time.cfl) {
+        (Some(_), Some(_)) => {
+            return Err(document
+                .error("time.cfl", "`time` has both `step` and `cfl`")
+                .with_help(
+                    "give one of them: a constant `step` [s], or the Courant number `cfl`",
+                ));
+        }
+        (None, None) => {
+            return Err(document.error("time", "`time` lacks the step").with_help(
+                "give a constant `step` [s], or the Courant number `cfl` with `max_step` [s]",
+            ));
+        }
+        (Some(step), None) if step > time.end => {
+            return Err(document.value_error(
+                "time.step",
+                format!(
+                    "`time.step = {step}` is longer than `time.end = {}`",
+                    time.end
+                ),
+            ));
+        }
+        _ => {}
+    }
+    if time.step.is_some() && time.max_step.is_some() {
+        return Err(document
+            .error(
+                "time.max_step",
+                "`time.max_step` has no meaning with a constant `step`",
+            )
+            .with_help("remove it, or give `cfl` in place of `step`"));
+    }
+    if time.cfl.is_some() && case.fluid.is_none() {
+        return Err(document
+            .error("time.cfl", "`time.cfl` needs a fluid on a mesh")
+            .with_help("give a constant `time.step` [s] with a prescribed flow"));
+    }
+    Ok(())
+}
+
+fn check_parts(case: &Case, document: &Document) -> Checked {
+    match (&case.mesh, &case.fluid, &case.ambient) {
+        (Some(_), Some(_), None) | (None, None, Some(_)) => {}
+        (_, Some(_), Some(_)) | (Some(_), None, Some(_)) => {
+            return Err(document
+                .error(
+                    "ambient",
+                    "`[ambient]` prescribes the flow, so there is no `[mesh]` and no `[fluid]`",
+                )
+                .with_help("remove `[ambient]`, or remove `[mesh]` and `[fluid]`"));
+        }
+        (Some(_), None, None) => {
+            return Err(document.error("mesh", "`[mesh]` is given without `[fluid]`"));
+        }
+        (None, Some(_), None) => {
+            return Err(document
+                .error("fluid", "`[fluid]` is given without `[mesh]`")
+                .with_help("`[mesh]` with kind = \"box\" or kind = \"gmsh\""));
+        }
+        (None, None, None) => {
+            return Err(document
+                .error("", "the case has neither a fluid nor a prescribed flow")
+                .with_help("give `[mesh]` and `[fluid]`, or `[ambient]`"));
+        }
+    }
+    if case.ambient.is_some() && case.fibres.is_empty() {
+        return Err(document.error(
+            "ambient",
+            "a prescribed flow without `[[fibres]]` has nothing to compute",
+        ));
+    }
+    Ok(())
+}
+
+fn check_fluid(case: &Case, document: &Document) -> Checked {
+    let Some(fluid) = &case.fluid else {
+        return Ok(());
+    };
+    if let Forcing::BulkVelocity { direction, .. } = fluid.forcing
+        && direction == [0.0; 3]
+    {
+        return Err(document.value_error(
+            "fluid.forcing.direction",
+            "`fluid.forcing.direction` is zero",
+        ));
+    }
+    if let Some(MeshSource::Box { periodic, .. }) = &case.mesh {
+        let walls = periodic.iter().filter(|p| !**p).count();
+        let needs_walls = matches!(
+            fluid.initial,
+            Initial::Poiseuille { .. } | Initial::PerturbedChannel { .. }
+        );
+        if needs_walls && walls != 1 {
+            return Err(document
+                .error("fluid.initial.kind", "this initial field needs a box with exactly one direction that is not periodic")
+                .with_help("set `mesh.periodic`, as in [true, false, true]"));
+        }
+    }
+    Ok(())
+}
+
+fn check_group(case: &Case, k: usize, document: &Document) -> Checked {
+    let group = &case.fibres[k];
+    let path = |key: &str| format!("fibres[{k}].{key}");
+    let lacks = |key: &str, why: &str| {
+        document.error(
+            &format!("fibres[{k}]"),
+            format!("`fibres[{k}]` lacks `{key}`: {why}"),
+        )
+    };
+    let length = match &group.placement {
+        Placement::Random {
+            count,
+            volume_fraction,
+            ..
+        } => {
+            if count.is_some() == volume_fraction.is_some() {
+                return Err(document
+                    .error(
+                        &path("placement"),
+                        format!(
+                            "`{}` needs either `count` or `volume_fraction`",
+                            path("placement")
+                        ),
+                    )
+                    .with_help("give exactly one of them"));
+            }
+            if matches!(case.mesh, Some(MeshSource::Gmsh { .. })) {
+                return Err(document
+                    .error(&path("placement"), "random placement needs a box")
+                    .with_help("use a box mesh, or give the fibres as `line` or `nodes`"));
+            }
+            if case.ambient.as_ref().is_some_and(|a| a.domain.is_none()) {
+                return Err(document.error(
+                    &path("placement"),
+                    "random placement in a prescribed flow needs `ambient.domain`",
+                ));
+            }
+            group
+                .length
+                .ok_or_else(|| lacks("length", "random placement needs it [m]"))?
+        }
+        Placement::Line { start, end } => distance(start, end),
+        Placement::Nodes { positions } => {
+            positions.windows(2).map(|p| distance(&p[0], &p[1])).sum()
+        }
+    };
+    if length == 0.0 {
+        return Err(document.error(
+            &path("placement"),
+            format!("`{}` has no length", path("placement")),
+        ));
+    }
+    let nodes = match (&group.placement, group.segments) {
+        (Placement::Nodes { positions }, None) => positions.len(),
+        (Placement::Nodes { positions }, Some(n)) if positions.len() == n + 1 => positions.len(),
+        (Placement::Nodes { positions }, Some(n)) => {
+            return Err(document.value_error(
+                &path("segments"),
+                format!(
+                    "`{} = {n}` does not fit {} positions",
+                    path("segments"),
+                    positions.len()
+                ),
+            ));
+        }
+        (_, Some(n)) => n + 1,
+        (_, None) => return Err(lacks("segments", "the number of beam segments of a fibre")),
+    };
+    let segment = length / (nodes - 1) as f64;
+    if group.diameter > segment {
+        return Err(document
+            .value_error(
+                &path("diameter"),
+                format!("`{} = {}` is larger than a segment is long ({segment:.4e} m)", path("diameter"), group.diameter),
+            )
+            .with_help("use fewer segments or a smaller diameter: a beam segment is at least as long as it is thick"));
+    }
+    if let Shape::U { radius } = group.shape
+        && length > std::f64::consts::TAU * radius
+    {
+        return Err(document.value_error(
+            &path("shape.radius"),
+            format!(
+                "`{} = {radius}`: a fibre of length {length} would close on itself",
+                path("shape.radius")
+            ),
+        ));
+    }
+    for (l, load) in group.point_loads.iter().enumerate() {
+        let index = if load.node < 0 {
+            load.node + nodes as i64
+        } else {
+            load.node
+        };
+        if !(0..nodes as i64).contains(&index) {
+            let key = path(&format!("point_loads[{l}].node"));
+            return Err(document
+                .value_error(
+                    &key,
+                    format!(
+                        "`{key} = {}` is no node of a fibre of {nodes} nodes",
+                        load.node
+                    ),
+                )
+                .with_help(format!(
+                    "valid: 0 to {}, or -1 to -{nodes} from the end",
+                    nodes - 1
+                )));
+        }
+    }
+    Ok(())
+}
+
+fn check_schedule(name: &str, schedule: &Schedule, document: &Document) -> Checked {
+    if schedule.every.is_some() && schedule.interval.is_some() {
+        let path = format!("output.{name}");
+        return Err(document
+            .error(&path, format!("`{path}` has both `every` and `interval`"))
+            .with_help("give `every` (steps) or `interval` [s]"));
+    }
+    Ok(())
+}
+
+fn check_exact(case: &Case, document: &Document) -> Checked {
+    let Some(exact) = case.exact else {
+        return Ok(());
+    };
+    let fluid = case.fluid.as_ref();
+    let fits = match exact {
+        Exact::TaylorGreen => {
+            fluid.is_some_and(|f| matches!(f.initial, Initial::TaylorGreen { .. }))
+        }
+        Exact::Poiseuille => {
+            fluid.is_some_and(|f| matches!(f.forcing, Forcing::PressureGradient { .. }))
+                && matches!(&case.mesh, Some(MeshSource::Box { periodic, .. }) if periodic.iter().filter(|p| !**p).count() == 1)
+        }
+        Exact::Cantilever => case
+            .fibres
+            .first()
+            .is_some_and(|g| !g.point_loads.is_empty()),
+        Exact::Jeffery => {
+            !case.fibres.is_empty()
+                && case
+                    .ambient
+                    .as_ref()
+                    .is_some_and(|a| matches!(a.flow, super::AmbientFlow::Shear { .. }))
+        }
+    };
+    if fits {
+        return Ok(());
+    }
+    let needs = match exact {
+        Exact::TaylorGreen => "`fluid.initial` of kind \"taylor-green\"",
+        Exact::Poiseuille => {
+            "a box with one direction that is not periodic and `fluid.forcing` of kind \"pressure-gradient\""
+        }
+        Exact::Cantilever => "a first fibre with a point load",
+        Exact::Jeffery => "a fibre in `ambient.flow` of kind \"shear\"",
+    };
+    Err(document
+        .error("exact.kind", "this exact answer does not fit the case")
+        .with_help(format!("it needs {needs}")))
+}
+
+/// Every patch of the mesh needs a condition, and every condition a patch.
+///
+/// # Errors
+/// [`CaseError`] naming the patch.
+pub fn validate_patches(case: &Case, document: &Document, patches: &[String]) -> Checked {
+    let Some(fluid) = &case.fluid else {
+        return Ok(());
+    };
+    let known: Vec<&str> = patches.iter().map(String::as_str).collect();
+    let all = if known.is_empty() {
+        "the mesh has no patches: every direction is periodic".to_owned()
+    } else {
+        format!("patches of the mesh: `{}`", known.join("`, `"))
+    };
+    for name in fluid
+        .boundaries
+        .keys()
+        .filter(|n| !known.contains(&n.as_str()))
+    {
+        let path = format!("fluid.boundaries.{name}");
+        let error = document.error(&path, format!("`{path}`: the mesh has no patch `{name}`"));
+        return Err(error.with_help(match schema::nearest(name, &known) {
+            Some(near) => format!("did you mean `{near}`? {all}"),
+            None => all,
+        }));
+    }
+    match known.iter().find(|p| !fluid.boundaries.contains_key(**p)) {
+        None => Ok(()),
+        Some(patch) => Err(document
+            .error("fluid.boundaries", format!("`fluid.boundaries` lacks the patch `{patch}`"))
+            .with_help(format!(
+                "add `boundaries.{patch} = {{ kind = \"wall\" }}` under `[fluid]` (kinds: wall, moving-wall, slip, inlet, outlet); {all}"
+            ))),
+    }
+}
+
+/// Explicitly placed fibres must lie in the box `low`…`high`, but for periodic directions.
+///
+/// # Errors
+/// [`CaseError`] naming fibre, node and position.
+pub fn validate_domain(
+    case: &Case,
+    document: &Document,
+    low: [f64; 3],
+    high: [f64; 3],
+    periodic: [bool; 3],
+) -> Checked {
+    for (k, group) in case.fibres.iter().enumerate() {
+        let points: Vec<(String, [f64; 3])> = match &group.placement {
+            Placement::Random { .. } => continue,
+            Placement::Line { start, end } => vec![("start".into(), *start), ("end".into(), *end)],
+            Placement::Nodes { positions } => {
+                let named = positions.iter().enumerate();
+                named
+                    .map(|(n, x)| (format!("positions[{n}]"), *x))
+                    .collect()
+            }
+        };
+        for (name, x) in points {
+            let out = (0..3).find(|&c| !periodic[c] && !(low[c]..=high[c]).contains(&x[c]));
+            if let Some(c) = out {
+                let path = format!("fibres[{k}].placement.{name}");
+                let axis = ["x", "y", "z"][c];
+                return Err(document
+                    .value_error(
+                        &path,
+                        format!(
+                            "`{path} = {x:?}` lies outside the domain: {axis} = {}",
+                            x[c]
+                        ),
+                    )
+                    .with_help(format!("{axis} from {} to {} m is inside", low[c], high[c])));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn distance(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    (0..3).map(|c| (a[c] - b[c]).powi(2)).sum::<f64>().sqrt()
+}
