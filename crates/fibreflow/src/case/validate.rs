@@ -306,11 +306,8 @@ pub fn validate_patches(case: &Case, document: &Document, patches: &[String]) ->
     } else {
         format!("patches of the mesh: `{}`", known.join("`, `"))
     };
-    for name in fluid
-        .boundaries
-        .keys()
-        .filter(|n| !known.contains(&n.as_str()))
-    {
+    let unknown = |name: &&String| !known.contains(&name.as_str());
+    if let Some(name) = fluid.boundaries.keys().find(unknown) {
         let path = format!("fluid.boundaries.{name}");
         let error = document.error(&path, format!("`{path}`: the mesh has no patch `{name}`"));
         return Err(error.with_help(match schema::nearest(name, &known) {
