@@ -3,6 +3,7 @@
 mod distribute;
 mod error;
 mod faces;
+pub mod gmsh;
 mod graph;
 mod jacobian;
 mod local;

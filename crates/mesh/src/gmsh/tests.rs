@@ -1,0 +1,220 @@
+use super::*;
+use crate::{ElementKind, validate};
+use std::path::PathBuf;
+
+fn path(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+        .join("../../meshes")
+        .join(name)
+}
+
+fn mesh(name: &str) -> Mesh {
+    read(&path(name)).expect("mesh")
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+}
+
+/// Area vector of a plane face, from its listed direction.
+fn area(x: &[[f64; 3]]) -> [f64; 3] {
+    let edge = |k: usize| std::array::from_fn(|c| x[k][c] - x[0][c]);
+    let parts = (1..x.len() - 1).map(|k| cross(edge(k), edge(k + 1)));
+    parts.fold([0.0; 3], |sum, part| {
+        std::array::from_fn(|c| sum[c] + 0.5 * part[c])
+    })
+}
+
+/// ⅓ ∮ x·n dA.
+fn enclosed<'a>(faces: impl Iterator<Item = &'a [[f64; 3]]>) -> f64 {
+    faces
+        .map(|x| {
+            let area = area(x);
+            (0..3).map(|c| x[0][c] * area[c]).sum::<f64>() / 3.0
+        })
+        .sum()
+}
+
+fn element_volume(mesh: &Mesh) -> f64 {
+    let elements = &mesh.elements;
+    let volume = |e: usize| {
+        let x = elements.coordinates(e, &mesh.nodes, &mesh.periods);
+        let faces = elements.kinds[e].faces().iter();
+        let faces: Vec<Vec<[f64; 3]>> = faces.map(|f| f.iter().map(|&v| x[v]).collect()).collect();
+        enclosed(faces.iter().map(Vec::as_slice))
+    };
+    (0..elements.len()).map(volume).sum()
+}
+
+fn boundary_faces(mesh: &Mesh, patch: &str) -> Vec<Vec<[f64; 3]>> {
+    let faces = mesh.boundary.iter();
+    let faces = faces.filter(|f| mesh.patches[f.patch as usize] == patch);
+    let vertex = |f: &crate::BoundaryFace, k: usize| -> [f64; 3] {
+        let shift = mesh.periods.shift(f.images[k]);
+        std::array::from_fn(|c| mesh.nodes[f.nodes[k] as usize][c] + shift[c])
+    };
+    faces
+        .map(|f| (0..f.vertices as usize).map(|k| vertex(f, k)).collect())
+        .collect()
+}
+
+fn patch_area(mesh: &Mesh, patch: &str) -> [f64; 3] {
+    let areas = boundary_faces(mesh, patch).into_iter().map(|x| area(&x));
+    areas.fold([0.0; 3], |sum, a| std::array::from_fn(|c| sum[c] + a[c]))
+}
+
+fn close(a: &[f64], b: &[f64]) -> bool {
+    a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12)
+}
+
+fn of_kind(mesh: &Mesh, kind: ElementKind) -> usize {
+    mesh.elements.kinds.iter().filter(|&&k| k == kind).count()
+}
+
+#[test]
+fn all_four_kinds_with_patches_that_point_outwards() {
+    let mesh = mesh("mixed.msh");
+    assert_eq!(
+        ElementKind::ALL.map(|kind| of_kind(&mesh, kind)),
+        [106, 4, 14, 8]
+    );
+    assert_eq!(mesh.patches, ["bottom", "top", "sides"]);
+    assert_eq!(validate(&mesh), Ok(()));
+    assert!(close(&[element_volume(&mesh)], &[2.5]));
+    assert!(close(&patch_area(&mesh, "bottom"), &[0.0, 0.0, -1.0]));
+    assert!(close(&patch_area(&mesh, "top"), &[0.0, 0.0, 1.0]));
+    let faces = mesh.patches.iter().flat_map(|p| boundary_faces(&mesh, p));
+    let faces: Vec<_> = faces.collect();
+    assert!(close(&[enclosed(faces.iter().map(Vec::as_slice))], &[2.5]));
+}
+
+#[test]
+fn text_and_binary_are_the_same_mesh() {
+    for name in ["mixed", "periodic"] {
+        let text = mesh(&format!("{name}.msh"));
+        let binary = mesh(&format!("{name}_binary.msh"));
+        assert_eq!(text.elements.nodes, binary.elements.nodes);
+        assert_eq!(text.elements.images, binary.elements.images);
+        assert_eq!(text.boundary, binary.boundary);
+        assert_eq!(text.patches, binary.patches);
+        assert_eq!(text.periods, binary.periods);
+        let pairs = text.nodes.iter().zip(&binary.nodes);
+        assert!(pairs.into_iter().all(|(a, b)| close(a, b)));
+    }
+}
+
+#[test]
+fn periodic_copies_are_one_node() {
+    let mesh = mesh("periodic.msh");
+    assert_eq!(
+        mesh.periods.vectors,
+        [[2.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0; 3]]
+    );
+    assert_eq!(mesh.patches, ["bottom", "top"]);
+    assert_eq!(validate(&mesh), Ok(()));
+    assert!(close(&[element_volume(&mesh)], &[2.0]));
+    // Every node lies in the half-open cell: the far sides are copies, their edges copies of copies.
+    let inside = |x: &[f64; 3]| x[0] < 2.0 - 1e-6 && x[1] < 1.0 - 1e-6;
+    assert!(mesh.nodes.iter().all(inside));
+    let corner = |x: &&[f64; 3]| x[0].abs() < 1e-9 && x[1].abs() < 1e-9;
+    let corners = mesh.nodes.iter().filter(corner).count();
+    assert!(corners >= 3, "{corners} nodes on the vertical edge");
+    let doubly = crate::Image::new([1, 1, 0]);
+    assert!(mesh.elements.images.contains(&doubly));
+    assert!(close(&patch_area(&mesh, "top"), &[0.0, 0.0, 2.0]));
+}
+
+#[test]
+fn an_inverted_element_is_found_where_it_is() {
+    let bad = mesh("inverted.msh");
+    let good = mesh("periodic.msh");
+    let x = good.elements.coordinates(4, &good.nodes, &good.periods);
+    let expected: [f64; 3] =
+        std::array::from_fn(|c| x[..4].iter().map(|v| v[c]).sum::<f64>() / 4.0);
+    match validate(&bad) {
+        Err(MeshError::Inverted {
+            element: 4,
+            kind: ElementKind::Tetrahedron,
+            centre,
+            ..
+        }) => assert!(close(&centre, &expected)),
+        other => panic!("{other:?}"),
+    }
+}
+
+fn refused(text: &str) -> String {
+    parse("a.msh", text.as_bytes())
+        .expect_err("refused")
+        .to_string()
+}
+
+/// A tetrahedron; `$Elements` as given.
+fn tetrahedron(elements: &str) -> String {
+    format!(
+        "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 4 1 4\n3 1 0 4\n1\n2\n3\n4\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n$EndNodes\n$Elements\n{elements}\n$EndElements\n"
+    )
+}
+
+#[test]
+fn what_is_not_supported_is_named_with_what_to_do() {
+    assert!(refused("").contains("empty"));
+    assert!(refused("hello").contains("line 1"));
+    let old = refused("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n");
+    assert!(
+        old.contains("2.2") && old.contains("-format msh41"),
+        "{old}"
+    );
+    let quadratic = refused(&tetrahedron("1 1 1 1\n3 1 11 1\n1 1 2 3 4 1 2 3 4 1 2"));
+    assert!(quadratic.contains("ElementOrder = 1"), "{quadratic}");
+    assert!(quadratic.contains("$Elements, line 18"), "{quadratic}");
+    assert!(refused(&tetrahedron("1 1 1 1\n2 1 2 1\n1 1 2 3")).contains("gmsh -3"));
+    assert!(refused(&tetrahedron("1 1 1 1\n3 1 4 1\n1 1 2 3 9")).contains("node 9"));
+    assert!(refused(&tetrahedron("1 1 1 1\n3 1 4 1\n1 1 2 3")).contains("not the number"));
+    assert!(refused(&tetrahedron("1 99999999 1 1\n3 1 4 99999999\n")).contains("more than"));
+    let split = "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$PartitionedEntities\n";
+    assert!(refused(split).contains("partitioned"));
+    let missing = read(&path("no_such.msh")).expect_err("missing").to_string();
+    assert!(missing.contains("no_such.msh"), "{missing}");
+}
+
+#[test]
+fn unused_nodes_are_left_out_and_sections_without_use_skipped() {
+    let text = tetrahedron("1 1 1 1\n3 1 4 1\n1 1 2 3 4")
+        .replace(
+            "$Nodes\n1 4 1 4\n3 1 0 4\n1\n",
+            "$Comments\nany text $Nodes\n$EndComments\n$Nodes\n1 5 1 9\n3 1 0 5\n9\n1\n",
+        )
+        .replace("4\n0 0 0\n", "4\n7 7 7\n0 0 0\n");
+    let mesh = parse("a.msh", text.as_bytes()).expect("mesh");
+    assert_eq!(mesh.nodes.len(), 4);
+    assert_eq!(mesh.nodes[0], [0.0; 3]);
+    assert!(matches!(
+        validate(&mesh),
+        Err(MeshError::Face { patch: None, .. })
+    ));
+}
+
+#[test]
+fn a_damaged_file_is_an_error_and_no_panic() {
+    for name in [
+        "mixed.msh",
+        "periodic.msh",
+        "mixed_binary.msh",
+        "periodic_binary.msh",
+    ] {
+        let bytes = std::fs::read(path(name)).expect("file");
+        for length in (1..bytes.len() - 20).step_by(311) {
+            // Cut between sections, what is left may be a mesh.
+            let _ = parse(name, &bytes[..length]);
+            let mut damaged = bytes.clone();
+            damaged[length] ^= 0x55;
+            let _ = parse(name, &damaged).map(|mesh| validate(&mesh));
+        }
+        let half = bytes.len() / 2;
+        assert!(parse(name, &bytes[..half]).is_err());
+    }
+}
