@@ -62,7 +62,7 @@ pub struct ConjugateGradients<T> {
     direction: Vec<T>,
     /// q = A p, owned.
     image: Vec<T>,
-    partials: Partials,
+    partials: Partials<2>,
 }
 
 impl<T: Value> ConjugateGradients<T> {
@@ -193,12 +193,12 @@ impl<T: Value> ConjugateGradients<T> {
                     .zip(b)
                     .for_each(|(r, b)| *r = b.plus(-1.0, mean));
             });
-        let square = |(a, b): (&[f64], &[f64])| [dot(a, b), 0.0, 0.0];
+        let square = |(a, b): (&[f64], &[f64])| [dot(a, b), 0.0];
         let right = flat(&self.residual);
         let [rhs_square, ..] = self.partials.sum(blocks(right, right).map(square));
         let difference = |(r, q): (&mut [f64], &[f64])| {
             r.iter_mut().zip(q).for_each(|(r, q)| *r -= q);
-            [dot(r, r), 0.0, 0.0]
+            [dot(r, r), 0.0]
         };
         let residual = flat_mut(&mut self.residual).par_chunks_mut(BLOCK);
         let image = flat(&self.image).par_chunks(BLOCK);
@@ -221,9 +221,8 @@ impl<T: Value> ConjugateGradients<T> {
         );
         let parts = blocks(r, z)
             .zip(q.par_chunks(BLOCK))
-            .map(|((r, z), q)| [dot(r, z), dot(z, q), 0.0]);
-        let [rz, zq, _] = self.partials.sum(parts);
-        let mut products = [rz, zq];
+            .map(|((r, z), q)| [dot(r, z), dot(z, q)]);
+        let mut products = self.partials.sum(parts);
         communicator.sum_slice(&mut products);
         products
     }
@@ -231,7 +230,7 @@ impl<T: Value> ConjugateGradients<T> {
     /// p·q.
     fn curvature(&mut self, communicator: &Communicator) -> f64 {
         let direction = flat(&self.direction[..self.image.len()]);
-        let parts = blocks(direction, flat(&self.image)).map(|(p, q)| [dot(p, q), 0.0, 0.0]);
+        let parts = blocks(direction, flat(&self.image)).map(|(p, q)| [dot(p, q), 0.0]);
         communicator.sum(self.partials.sum(parts)[0])
     }
 
@@ -245,7 +244,7 @@ impl<T: Value> ConjugateGradients<T> {
             .map(|((x, r), (p, q))| {
                 x.iter_mut().zip(p).for_each(|(x, p)| *x += alpha * p);
                 r.iter_mut().zip(q).for_each(|(r, q)| *r -= alpha * q);
-                [dot(r, r), 0.0, 0.0]
+                [dot(r, r), 0.0]
             });
         communicator.sum(self.partials.sum(parts)[0]).sqrt()
     }
@@ -258,7 +257,7 @@ impl<T: Value> ConjugateGradients<T> {
         for (lane, mean) in lanes.iter_mut().enumerate() {
             let parts = values.par_chunks(BLOCK).map(|block| {
                 let lane = block.iter().skip(lane).step_by(T::WIDTH);
-                [lane.sum(), 0.0, 0.0]
+                [lane.sum(), 0.0]
             });
             let mut sums = [self.partials.sum(parts)[0], field.len() as f64];
             communicator.sum_slice(&mut sums);

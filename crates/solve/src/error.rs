@@ -48,4 +48,13 @@ pub enum SolveError {
         /// What it should be.
         expected: usize,
     },
+    /// The last level of the multigrid hierarchy could not be factored.
+    #[error(
+        "the coarsest multigrid level of {unknowns} unknowns cannot be solved: is the mesh in several pieces, or cut \
+         into too many ranks?"
+    )]
+    Coarsest {
+        /// Unknowns of that level.
+        unknowns: usize,
+    },
 }

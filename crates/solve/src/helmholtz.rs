@@ -40,7 +40,7 @@ impl<T: Value> LinearOperator<T> for Helmholtz<'_> {
 
     fn apply(&self, x: &mut [T], y: &mut [T]) {
         let (diagonal, fixed) = (self.matrix.diagonal(), self.matrix.fixed());
-        self.matrix.gather(x, y, |i, own, neighbours| {
+        self.matrix.gather(x, y, |i, own, neighbours, _| {
             if fixed[i] {
                 own
             } else {

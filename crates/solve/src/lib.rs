@@ -4,6 +4,7 @@
 //! operators bring the halo entries of what they read up to date themselves. All sums run over fixed blocks, so that
 //! results are bitwise the same for any number of threads.
 
+mod amg;
 mod cg;
 mod error;
 mod helmholtz;
@@ -12,6 +13,7 @@ mod operator;
 mod value;
 mod vectors;
 
+pub use amg::{Amg, AmgSettings};
 pub use cg::{CgSettings, ConjugateGradients, NullSpace, SolveReport};
 pub use error::SolveError;
 pub use helmholtz::Helmholtz;

@@ -154,6 +154,34 @@ impl PairMatrix {
         !self.halo.communicator().any(regular)
     }
 
+    /// Free columns and weights of row i.
+    pub(crate) fn row(&self, i: usize) -> impl Iterator<Item = (usize, f64)> {
+        let entries = self.entries(i);
+        let columns = self.columns[entries.clone()].iter();
+        columns
+            .map(|&j| j as usize)
+            .zip(self.weights[entries].iter().copied())
+    }
+
+    /// s of the owned rows; 1 on fixed rows.
+    pub(crate) fn shift(&self) -> &[f64] {
+        &self.shift
+    }
+
+    /// The same matrix, its couplings to fixed nodes counted as shift.
+    pub(crate) fn without_lifted(&self) -> Self {
+        let mut matrix = self.clone();
+        for entry in matrix.lifted.drain(..) {
+            matrix.shift[entry.row as usize] += entry.weight;
+        }
+        matrix
+    }
+
+    /// Couplings in the owned rows.
+    pub(crate) fn entries_stored(&self) -> usize {
+        self.columns.len()
+    }
+
     fn entries(&self, i: usize) -> Range<usize> {
         self.offsets[i] as usize..self.offsets[i + 1] as usize
     }
@@ -180,17 +208,17 @@ impl PairMatrix {
     /// y = A x; see [`LinearOperator::apply`].
     pub fn multiply<T: Value>(&self, x: &mut [T], y: &mut [T]) {
         let diagonal = &self.diagonal;
-        self.gather(x, y, |i, own, neighbours| {
+        self.gather(x, y, |i, own, neighbours, _| {
             own.scaled(diagonal[i]).plus(-1.0, neighbours)
         });
     }
 
-    /// y_i = `finish`(i, x_i, Σ_j w_ij x_j) over owned rows; rows that need no halo run while messages travel.
+    /// y_i = `finish`(i, x_i, Σ_j w_ij x_j, old y_i) over owned rows; rows that need no halo run while messages travel.
     pub(crate) fn gather<T: Value>(
         &self,
         x: &mut [T],
         y: &mut [T],
-        finish: impl Fn(usize, T, T) -> T + Sync,
+        finish: impl Fn(usize, T, T, T) -> T + Sync,
     ) {
         let y = &mut y[..self.owned()];
         if self.border.is_empty() {
@@ -208,7 +236,7 @@ impl PairMatrix {
         &self,
         x: &[T],
         y: &mut [T],
-        finish: &(impl Fn(usize, T, T) -> T + Sync),
+        finish: &(impl Fn(usize, T, T, T) -> T + Sync),
         wanted: impl Fn(usize) -> bool + Sync,
     ) {
         y.par_chunks_mut(BLOCK).enumerate().for_each(|(block, y)| {
@@ -220,7 +248,7 @@ impl PairMatrix {
                     for (&j, &w) in columns.iter().zip(&self.weights[entries]) {
                         sum = sum.plus(w, x[j as usize]);
                     }
-                    *y = finish(i, x[i], sum);
+                    *y = finish(i, x[i], sum, *y);
                 }
             }
         });

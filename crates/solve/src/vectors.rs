@@ -7,15 +7,14 @@ pub(crate) const BLOCK: usize = 4096;
 
 /// Room for block sums, kept between calls so that a reduction does not allocate.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Partials(Vec<[f64; 3]>);
+pub(crate) struct Partials<const N: usize>(Vec<[f64; N]>);
 
-impl Partials {
+impl<const N: usize> Partials<N> {
     /// Sum of the partial sums in block order.
-    pub(crate) fn sum(&mut self, parts: impl IndexedParallelIterator<Item = [f64; 3]>) -> [f64; 3] {
+    pub(crate) fn sum(&mut self, parts: impl IndexedParallelIterator<Item = [f64; N]>) -> [f64; N] {
         parts.collect_into_vec(&mut self.0);
-        self.0
-            .iter()
-            .fold([0.0; 3], |t, p| [t[0] + p[0], t[1] + p[1], t[2] + p[2]])
+        let add = |total: [f64; N], part: &[f64; N]| std::array::from_fn(|k| total[k] + part[k]);
+        self.0.iter().fold([0.0; N], add)
     }
 }
 
@@ -33,7 +32,7 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     sums.iter().sum::<f64>() + rest
 }
 
-/// Calls `kernel` on matching blocks.
+/// Matching blocks of two fields.
 pub(crate) fn blocks<'a>(
     a: &'a [f64],
     b: &'a [f64],

@@ -113,3 +113,103 @@ pub fn random(n: usize, seed: u64) -> Vec<f64> {
 pub fn norm(x: &[f64]) -> f64 {
     x.iter().map(|v| v * v).sum::<f64>().sqrt()
 }
+
+/// P1-Galerkin weights on a unit cube of n³ cells, six tetrahedra each, interior nodes moved by `jitter` spacings.
+///
+/// Some weights are negative (obtuse dihedral angles). `squash` shrinks the y axis afterwards.
+pub struct Tetrahedra {
+    pub points: Vec<[f64; 3]>,
+    rows: Vec<Vec<(u32, f64)>>,
+    boundary: Vec<bool>,
+}
+
+impl Tetrahedra {
+    pub fn new(n: usize, jitter: f64, squash: f64) -> Self {
+        let lattice = Lattice::uniform(n);
+        let moves = random(3 * lattice.len(), 17);
+        let boundary: Vec<bool> = (0..lattice.len()).map(|i| lattice.on_boundary(i)).collect();
+        let point = |i: usize| -> [f64; 3] {
+            let x = lattice.point(i);
+            let free = if boundary[i] { 0.0 } else { jitter / n as f64 };
+            let x: [f64; 3] = std::array::from_fn(|a| x[a] + free * moves[3 * i + a]);
+            [x[0], squash * x[1], x[2]]
+        };
+        let points: Vec<[f64; 3]> = (0..lattice.len()).map(point).collect();
+        let strides = [1, n + 1, (n + 1) * (n + 1)];
+        let mut edges = Vec::new();
+        for cell in (0..lattice.len()).filter(|&i| lattice.indices(i).iter().all(|&a| a < n)) {
+            for [a, b, c] in [
+                [0, 1, 2],
+                [0, 2, 1],
+                [1, 0, 2],
+                [1, 2, 0],
+                [2, 0, 1],
+                [2, 1, 0],
+            ] {
+                let first = cell + strides[a];
+                let second = first + strides[b];
+                stiffness(
+                    [cell, first, second, second + strides[c]],
+                    &points,
+                    &mut edges,
+                );
+            }
+        }
+        edges.sort_by_key(|&(i, j, _)| (i, j));
+        let mut rows: Vec<Vec<(u32, f64)>> = vec![Vec::new(); points.len()];
+        for (i, j, w) in edges {
+            match rows[i].last_mut() {
+                Some(entry) if entry.0 == j as u32 => entry.1 += w,
+                _ => rows[i].push((j as u32, w)),
+            }
+        }
+        Self {
+            points,
+            rows,
+            boundary,
+        }
+    }
+
+    pub fn matrix(&self, dirichlet: bool) -> PairMatrix {
+        let fixed: Vec<bool> = self.boundary.iter().map(|&b| b && dirichlet).collect();
+        let halo = Halo::none(&Communicator::single(), self.points.len());
+        PairMatrix::from_rows(&halo, |i| self.rows[i].iter().copied(), &fixed, None)
+            .expect("matrix")
+    }
+
+    pub fn negative_weights(&self) -> usize {
+        let weights = self.rows.iter().flatten();
+        weights.filter(|(_, w)| *w < -1e-12).count()
+    }
+}
+
+/// −∫∇N_i·∇N_j over one tetrahedron, both directions of every edge.
+fn stiffness(nodes: [usize; 4], points: &[[f64; 3]], edges: &mut Vec<(usize, usize, f64)>) {
+    let x = nodes.map(|i| points[i]);
+    let minus = |a: [f64; 3], b: [f64; 3]| -> [f64; 3] { std::array::from_fn(|k| a[k] - b[k]) };
+    let cross = |a: [f64; 3], b: [f64; 3]| {
+        [
+            a[1] * b[2] - a[2] * b[1],
+            a[2] * b[0] - a[0] * b[2],
+            a[0] * b[1] - a[1] * b[0],
+        ]
+    };
+    let dot = |a: [f64; 3], b: [f64; 3]| (0..3).map(|k| a[k] * b[k]).sum::<f64>();
+    // ∇N_i = face normal / (6 V), all with the same sign.
+    let normal = |i: usize| {
+        let [a, b, c] = match i {
+            0 => [1, 2, 3],
+            1 => [0, 3, 2],
+            2 => [0, 1, 3],
+            _ => [0, 2, 1],
+        };
+        cross(minus(x[b], x[a]), minus(x[c], x[a]))
+    };
+    let volume = dot(minus(x[0], x[1]), normal(0)).abs() / 6.0;
+    for i in 0..4 {
+        for j in (0..4).filter(|&j| j != i) {
+            let w = -dot(normal(i), normal(j)) / (36.0 * volume);
+            edges.push((nodes[i], nodes[j], w));
+        }
+    }
+}

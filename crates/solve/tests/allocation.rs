@@ -1,0 +1,77 @@
+//! Iterations do not touch the heap: a solve of twelve allocates as often as a solve of four.
+
+mod common;
+
+use common::{Lattice, random};
+use fibreflow_solve::{
+    Amg, AmgSettings, CgSettings, ConjugateGradients, Jacobi, NullSpace, PairMatrix,
+    Preconditioner, SolveError,
+};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+struct Counting;
+
+static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
+
+// SAFETY: every call is passed on to the system allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the caller's promise.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: the caller's promise.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static COUNTING: Counting = Counting;
+
+fn allocations(
+    matrix: &PairMatrix,
+    preconditioner: &mut dyn Preconditioner<f64>,
+    solver: &mut ConjugateGradients<f64>,
+    iterations: usize,
+) -> usize {
+    let rhs = random(matrix.owned(), 3);
+    let mut x = vec![0.0; matrix.owned()];
+    let settings = CgSettings {
+        relative_tolerance: 1e-30,
+        max_iterations: iterations,
+        ..CgSettings::default()
+    };
+    let before = ALLOCATIONS.load(Ordering::Relaxed);
+    let outcome = solver.solve(
+        matrix,
+        preconditioner,
+        &rhs,
+        &mut x,
+        &settings,
+        NullSpace::Constant,
+    );
+    let after = ALLOCATIONS.load(Ordering::Relaxed);
+    assert!(matches!(outcome, Err(SolveError::NotConverged { .. })));
+    after - before
+}
+
+#[test]
+fn an_iteration_does_not_allocate() {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    pool.expect("pool").install(|| {
+        let matrix = Lattice::uniform(24).neumann();
+        let mut amg = Amg::new(&matrix, AmgSettings::default()).expect("hierarchy");
+        let mut jacobi = Jacobi::new(&matrix);
+        let mut solver = ConjugateGradients::new();
+        let preconditioners: [&mut dyn Preconditioner<f64>; 2] = [&mut amg, &mut jacobi];
+        for preconditioner in preconditioners {
+            allocations(&matrix, preconditioner, &mut solver, 12);
+            let few = allocations(&matrix, preconditioner, &mut solver, 4);
+            let many = allocations(&matrix, preconditioner, &mut solver, 12);
+            assert_eq!(few, many);
+        }
+    });
+}
