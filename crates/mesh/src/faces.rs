@@ -34,6 +34,13 @@ impl FaceKey {
     fn lowest_node(self) -> usize {
         (self.0[0] >> 6) as usize
     }
+
+    /// 29 bits that nearly always differ between faces with the same lowest vertex.
+    fn fingerprint(self) -> u32 {
+        let [_, low, high, opposite] = self.0;
+        let mixed = low ^ high.rotate_left(21) ^ opposite.rotate_left(42);
+        (mixed.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 35) as u32
+    }
 }
 
 /// One side of a face.
@@ -49,7 +56,8 @@ pub(crate) struct Side {
 /// All faces of all elements, found by their lowest node.
 pub(crate) struct FaceTable {
     offsets: Vec<u32>,
-    sides: Vec<(u32, u8)>,
+    /// Element, and fingerprint of the key with the face in its lowest three bits.
+    sides: Vec<(u32, u32)>,
 }
 
 impl FaceTable {
@@ -61,7 +69,7 @@ impl FaceTable {
         let mut sides = vec![(0, 0); offsets[nodes] as usize];
         for_each_face(elements, |element, face, key| {
             let at = &mut next[key.lowest_node()];
-            sides[*at as usize] = (element as u32, face as u8);
+            sides[*at as usize] = (element as u32, key.fingerprint() << 3 | face as u32);
             *at += 1;
         });
         Self { offsets, sides }
@@ -75,16 +83,18 @@ impl FaceTable {
     ) -> impl Iterator<Item = Side> + 'a {
         let node = key.lowest_node();
         let range = self.offsets[node] as usize..self.offsets[node + 1] as usize;
-        self.sides[range]
-            .iter()
-            .filter_map(move |&(element, face)| {
-                let (other, direction) = face_key(elements, element as usize, face as usize);
-                (other == key).then_some(Side {
-                    element,
-                    face,
-                    direction,
-                })
+        let fingerprint = key.fingerprint();
+        let alike = move |side: &&(u32, u32)| side.1 >> 3 == fingerprint;
+        let alike = self.sides[range].iter().filter(alike);
+        alike.filter_map(move |&(element, mark)| {
+            let face = (mark & 7) as u8;
+            let (other, direction) = face_key(elements, element as usize, face.into());
+            (other == key).then_some(Side {
+                element,
+                face,
+                direction,
             })
+        })
     }
 }
 

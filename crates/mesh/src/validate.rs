@@ -75,11 +75,9 @@ fn faces(mesh: &Mesh) -> Result<(), MeshError> {
         let faces = 0..elements.kinds[e].faces().len();
         faces.into_iter().find_map(|face| {
             let (key, direction) = face_key(elements, e, face);
-            let sides = table.sides(elements, key).count();
-            let opposite = table
-                .sides(elements, key)
-                .filter(|s| s.direction != direction)
-                .count();
+            let (sides, opposite) = table.sides(elements, key).fold((0, 0), |(all, opposite), s| {
+                (all + 1, opposite + usize::from(s.direction != direction))
+            });
             let problem = match (sides, opposite, covered[e] >> face & 1 == 1) {
                 (1, _, true) | (2, 1, false) => return None,
                 (1, ..) => "is neither shared with another element nor on a boundary patch: name the surface it lies on as a patch, or make the elements on both sides meet face to face",
