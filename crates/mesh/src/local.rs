@@ -1,7 +1,7 @@
 //! What one rank holds: its part of the mesh and its rows of the dual geometry.
 
-use crate::{BoundaryFace, Elements, Image, Periods};
-use fibreflow_parallel::Halo;
+use crate::{BoundaryFace, Elements, Image, Mesh, Periods};
+use fibreflow_parallel::{Communicator, Halo};
 
 /// One rank's part of a mesh: owned nodes first, then one layer of halo nodes.
 ///
@@ -34,6 +34,24 @@ pub struct LocalMesh {
 }
 
 impl LocalMesh {
+    /// The whole mesh on one rank, without communication.
+    pub fn single(mesh: Mesh) -> Self {
+        let (nodes, elements) = (mesh.nodes.len(), mesh.elements.len());
+        Self {
+            nodes: mesh.nodes,
+            global_nodes: (0..nodes as u64).collect(),
+            elements: mesh.elements,
+            global_elements: (0..elements as u64).collect(),
+            owned_elements: vec![true; elements],
+            boundary: mesh.boundary,
+            patches: mesh.patches,
+            periods: mesh.periods,
+            halo: Halo::none(&Communicator::single(), nodes),
+            total_nodes: nodes,
+            total_elements: elements,
+        }
+    }
+
     /// Nodes this rank owns.
     pub fn owned(&self) -> usize {
         self.halo.owned()

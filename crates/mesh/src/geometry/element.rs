@@ -1,0 +1,233 @@
+//! What one element gives to its pairs of vertices, volumes and faces.
+
+use crate::shape::{self, cofactors, cross, dot, minus};
+use crate::{BoundaryFace, ElementKind, Periods};
+use std::sync::LazyLock;
+
+/// A pair of local vertices a < b.
+pub(super) type Pair = (u8, u8);
+
+/// Shape functions of a kind at the Gauss points of the cube that collapses onto it.
+struct Rule {
+    points: Vec<Point>,
+}
+
+/// Values and cube gradients; entries beyond the vertices are zero.
+struct Point {
+    weight: f64,
+    n: [f64; 8],
+    gradient: [[f64; 3]; 8],
+}
+
+/// Vertex onto which each corner of the cube (in the order of a hexahedron) collapses.
+const COLLAPSE: [[usize; 8]; 4] = [
+    [0, 1, 2, 2, 3, 3, 3, 3],
+    [0, 1, 2, 3, 4, 4, 4, 4],
+    [0, 1, 2, 2, 3, 4, 5, 5],
+    [0, 1, 2, 3, 4, 5, 6, 7],
+];
+
+static RULES: LazyLock<[Rule; 4]> = LazyLock::new(|| {
+    ElementKind::ALL.map(|kind| {
+        // Two points a direction integrate the area vectors and volumes exactly (degree 3); the weights of a
+        // pyramid are rational.
+        let half = if kind == ElementKind::Pyramid {
+            let x = 0.5 * 0.6f64.sqrt();
+            vec![(-x, 5.0 / 18.0), (0.0, 4.0 / 9.0), (x, 5.0 / 18.0)]
+        } else {
+            let x = 0.5 / 3f64.sqrt();
+            vec![(-x, 0.5), (x, 0.5)]
+        };
+        let mut points = Vec::new();
+        for &(z, wz) in &half {
+            for &(y, wy) in &half {
+                for &(x, wx) in &half {
+                    points.push(collapsed(kind, [x + 0.5, y + 0.5, z + 0.5], wx * wy * wz));
+                }
+            }
+        }
+        Rule { points }
+    })
+});
+
+fn collapsed(kind: ElementKind, r: [f64; 3], weight: f64) -> Point {
+    let values = shape::values(ElementKind::Hexahedron, r);
+    let gradients = shape::gradients(ElementKind::Hexahedron, r);
+    let mut point = Point {
+        weight,
+        n: [0.0; 8],
+        gradient: [[0.0; 3]; 8],
+    };
+    for (corner, &a) in COLLAPSE[kind as usize].iter().enumerate() {
+        point.n[a] += values[corner];
+        (0..3).for_each(|k| point.gradient[a][k] += gradients[corner][k]);
+    }
+    point
+}
+
+/// All pairs of vertices of a kind, ascending.
+pub(super) fn all_pairs(kind: ElementKind) -> Vec<Pair> {
+    let n = kind.vertices() as u8;
+    (0..n)
+        .flat_map(|a| (a + 1..n).map(move |b| (a, b)))
+        .collect()
+}
+
+/// The twelve edges of a hexahedron with their direction 0, 1, 2 (vertex a lies below b).
+pub(super) const EDGES: [(Pair, usize); 12] = [
+    ((0, 1), 0),
+    ((0, 3), 1),
+    ((0, 4), 2),
+    ((1, 2), 1),
+    ((1, 5), 2),
+    ((2, 6), 2),
+    // 3 → 2 and 7 → 6 run along the first direction.
+    ((2, 3), 0),
+    ((3, 7), 2),
+    ((4, 5), 0),
+    ((4, 7), 1),
+    ((5, 6), 1),
+    ((6, 7), 0),
+];
+
+/// Value of ∫ over an element where its Jacobian is not positive, as (nearest vertex, Jacobian of the cube map \[m³\]).
+pub(super) type Inversion = (usize, f64);
+
+/// Exact ∫(N_a∇N_b − N_b∇N_a) \[m²\] and −∫∇N_a·∇N_b \[m\] of all pairs a < b, and ∫N_a \[m³\].
+///
+/// Appends one (S, w) for every pair of [`all_pairs`] and one volume for every vertex.
+pub(super) fn galerkin(
+    kind: ElementKind,
+    coordinates: &[[f64; 3]; 8],
+    faces: &mut Vec<[f64; 4]>,
+    volumes: &mut Vec<f64>,
+) -> Result<(), Inversion> {
+    let vertices = kind.vertices();
+    let x = shape::relative(kind, coordinates);
+    let (first, first_volume) = (faces.len(), volumes.len());
+    faces.resize(first + vertices * (vertices - 1) / 2, [0.0; 4]);
+    volumes.resize(first_volume + vertices, 0.0);
+    let (faces, volumes) = (&mut faces[first..], &mut volumes[first_volume..]);
+    for point in &RULES[kind as usize].points {
+        let mut columns = [[0.0; 3]; 3];
+        for (g, x) in point.gradient.iter().zip(&x).take(vertices) {
+            for k in 0..3 {
+                for c in 0..3 {
+                    columns[k][c] += g[k] * x[c];
+                }
+            }
+        }
+        let (rows, determinant) = cofactors(&columns);
+        if determinant.is_nan() || determinant <= 0.0 {
+            let nearest = (0..vertices).max_by(|&a, &b| point.n[a].total_cmp(&point.n[b]));
+            return Err((nearest.unwrap_or(0), determinant));
+        }
+        // det J ∇N_a, with the weight of the point.
+        let gradient: [[f64; 3]; 8] = std::array::from_fn(|a| {
+            let g = point.gradient[a].map(|g| g * point.weight);
+            std::array::from_fn(|c| g[0] * rows[0][c] + g[1] * rows[1][c] + g[2] * rows[2][c])
+        });
+        let scale = -1.0 / (determinant * point.weight);
+        let n = &point.n;
+        let mut pairs = faces.iter_mut();
+        for a in 0..vertices {
+            volumes[a] += point.weight * n[a] * determinant;
+            for (b, face) in (a + 1..vertices).zip(&mut pairs) {
+                for c in 0..3 {
+                    face[c] += n[a] * gradient[b][c] - n[b] * gradient[a][c];
+                }
+                face[3] += scale * dot(gradient[a], gradient[b]);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Quarters of the three mid-planes of an orthogonal hexahedron for its [`EDGES`] \[m²\], and eighths of its volume.
+///
+/// The weight of an edge follows from its whole dual face and is left zero.
+pub(super) fn two_point(
+    coordinates: &[[f64; 3]; 8],
+    faces: &mut Vec<[f64; 4]>,
+    volumes: &mut Vec<f64>,
+) {
+    let x = shape::relative(ElementKind::Hexahedron, coordinates);
+    let (areas, volume) = cofactors(&[x[1], x[3], x[4]]);
+    faces.extend(EDGES.map(|((a, b), direction)| {
+        let backwards = matches!((a, b), (2, 3) | (6, 7));
+        let quarter = if backwards { -0.25 } else { 0.25 };
+        let s = areas[direction].map(|s| quarter * s);
+        [s[0], s[1], s[2], 0.0]
+    }));
+    volumes.extend([volume / 8.0; 8]);
+}
+
+/// True for a hexahedron whose edges are equal and at right angles, to the round-off of its coordinates.
+pub(super) fn is_orthogonal(kind: ElementKind, coordinates: &[[f64; 3]; 8]) -> bool {
+    if kind != ElementKind::Hexahedron {
+        return false;
+    }
+    let x = shape::relative(kind, coordinates);
+    let axes = [x[1], x[3], x[4]];
+    let largest = |p: &[[f64; 3]]| p.iter().flatten().fold(0.0, |m: f64, c| m.max(c.abs()));
+    let tolerance = 64.0 * f64::EPSILON * largest(coordinates) + 1e-13 * largest(&x);
+    // Vertices of the parallelepiped spanned by the edges at vertex 0.
+    let corners = [
+        (2, [1, 1, 0]),
+        (5, [1, 0, 1]),
+        (6, [1, 1, 1]),
+        (7, [0, 1, 1]),
+    ];
+    let is_parallelepiped = corners.iter().all(|(v, bits)| {
+        (0..3).all(|c| {
+            let expected: f64 = (0..3).map(|k| f64::from(bits[k]) * axes[k][c]).sum();
+            (x[*v][c] - expected).abs() <= tolerance
+        })
+    });
+    let is_square = |a: [f64; 3], b: [f64; 3]| {
+        let (la, lb) = (dot(a, a).sqrt(), dot(b, b).sqrt());
+        dot(a, b).abs() <= tolerance * (la + lb)
+    };
+    is_parallelepiped
+        && is_square(axes[0], axes[1])
+        && is_square(axes[1], axes[2])
+        && is_square(axes[2], axes[0])
+        && cofactors(&axes).1 > 0.0
+}
+
+/// ∮N_a n over a boundary face, for each of its vertices \[m²\]; exact on bilinear (non-planar) quadrilaterals.
+pub(super) fn face_shares(
+    face: &BoundaryFace,
+    nodes: &[[f64; 3]],
+    periods: &Periods,
+) -> [[f64; 3]; 4] {
+    let corner = |v: usize| -> [f64; 3] {
+        let (x, shift) = (nodes[face.nodes[v] as usize], periods.shift(face.images[v]));
+        std::array::from_fn(|c| x[c] + shift[c])
+    };
+    let origin = corner(0);
+    let edge = |v| minus(corner(v), origin);
+    if face.vertices == 3 {
+        let share = cross(edge(1), edge(2)).map(|s| s / 6.0);
+        return [share, share, share, [0.0; 3]];
+    }
+    let x = [[0.0; 3], edge(1), edge(2), edge(3)];
+    let mut shares = [[0.0; 3]; 4];
+    let gauss = [0.5 - 0.5 / 3f64.sqrt(), 0.5 + 0.5 / 3f64.sqrt()];
+    for s in gauss {
+        for r in gauss {
+            let along = |a: [f64; 3], b: [f64; 3], c: [f64; 3], d: [f64; 3], t: f64| {
+                std::array::from_fn(|k| (1.0 - t) * (b[k] - a[k]) + t * (d[k] - c[k]))
+            };
+            let normal = cross(
+                along(x[0], x[1], x[3], x[2], s),
+                along(x[0], x[3], x[1], x[2], r),
+            );
+            let n = [(1.0 - r) * (1.0 - s), r * (1.0 - s), r * s, (1.0 - r) * s];
+            for v in 0..4 {
+                (0..3).for_each(|c| shares[v][c] += 0.25 * n[v] * normal[c]);
+            }
+        }
+    }
+    shares
+}
