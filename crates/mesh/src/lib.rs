@@ -3,9 +3,9 @@
 mod distribute;
 mod error;
 mod faces;
-pub mod gmsh;
 mod generate;
 pub mod geometry;
+pub mod gmsh;
 mod graph;
 mod jacobian;
 mod local;
