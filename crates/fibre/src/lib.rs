@@ -1,6 +1,28 @@
 //! Fibres as beams: mechanics, contacts, placement, hydrodynamic laws, ambient flows.
+//!
+//! A [`Fibre`] describes one fibre; a [`FibreSystem`] holds the nodes of all fibres of a rank in flat arrays and
+//! advances them in time. The mechanics are those of [`beam`] (an element derived from an energy of total strains) and
+//! of a sub-cycled drift–kick–drift integrator; the flow acts through the laws of [`hydrodynamics`].
 
+pub mod beam;
 pub mod hydrodynamics;
-mod points;
 
+mod error;
+mod integrate;
+mod observe;
+mod points;
+mod shape;
+mod system;
+
+pub use error::FibreError;
+pub use observe::Energy;
 pub use points::{Ambient, Reaction};
+pub use shape::{Equilibrium, Fibre, Material, Support};
+pub use system::{FibreSettings, FibreSystem};
+
+/// A vector in space.
+pub type Vector3 = nalgebra::Vector3<f64>;
+/// A 3×3 matrix.
+pub type Matrix3 = nalgebra::Matrix3<f64>;
+/// A rotation. Node frames map body axes to space; the body x axis is the fibre's tangent.
+pub type Quaternion = nalgebra::UnitQuaternion<f64>;

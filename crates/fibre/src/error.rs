@@ -1,0 +1,112 @@
+//! Errors of the fibre crate.
+
+use crate::Vector3;
+
+/// What can be wrong with fibres, at set-up or in time.
+#[derive(Debug, thiserror::Error)]
+pub enum FibreError {
+    /// A fibre needs at least two nodes.
+    #[error("fibre {fibre} has {nodes} node(s); a fibre needs at least two")]
+    TooFewNodes {
+        /// Global id.
+        fibre: u64,
+        /// Nodes given.
+        nodes: usize,
+    },
+    /// More segments than a segment id can count.
+    #[error("fibre {fibre} has {segments} segments; at most {limit} are possible")]
+    TooManySegments {
+        /// Global id.
+        fibre: u64,
+        /// Segments given.
+        segments: usize,
+        /// Largest possible number.
+        limit: usize,
+    },
+    /// The id leaves no room for the segment index in a segment id.
+    #[error("fibre id {fibre} is too large; ids must be below {limit}")]
+    IdTooLarge {
+        /// Global id.
+        fibre: u64,
+        /// First id that is refused.
+        limit: u64,
+    },
+    /// Two fibres with one id.
+    #[error("two fibres have the id {fibre}")]
+    DuplicateId {
+        /// Global id.
+        fibre: u64,
+    },
+    /// Two neighbouring nodes coincide, or the chain folds back on itself.
+    #[error(
+        "fibre {fibre}: segment {segment} of the {shape} shape has no length or folds back onto its neighbour"
+    )]
+    DegenerateShape {
+        /// Global id.
+        fibre: u64,
+        /// Index of the segment in the fibre.
+        segment: usize,
+        /// `placed` or `equilibrium`.
+        shape: &'static str,
+    },
+    /// The equilibrium shape has another number of nodes than the fibre.
+    #[error("fibre {fibre} has {nodes} nodes but its equilibrium shape has {equilibrium}")]
+    EquilibriumSize {
+        /// Global id.
+        fibre: u64,
+        /// Nodes of the fibre.
+        nodes: usize,
+        /// Nodes of the equilibrium shape.
+        equilibrium: usize,
+    },
+    /// A material constant is not usable.
+    #[error("fibre {fibre}: {quantity} is {value}; it must be {requirement}")]
+    Material {
+        /// Global id.
+        fibre: u64,
+        /// Name of the constant.
+        quantity: &'static str,
+        /// Its value.
+        value: f64,
+        /// What is allowed.
+        requirement: &'static str,
+    },
+    /// A node index beyond the fibre's end.
+    #[error("fibre {fibre} has {nodes} nodes; node {node} does not exist")]
+    NoSuchNode {
+        /// Global id.
+        fibre: u64,
+        /// Index asked for.
+        node: usize,
+        /// Nodes of the fibre.
+        nodes: usize,
+    },
+    /// A fibre that this rank does not hold.
+    #[error("fibre {fibre} is not held by this rank")]
+    NoSuchFibre {
+        /// Global id.
+        fibre: u64,
+    },
+    /// A setting is not usable.
+    #[error("{setting} is {value}; it must be {requirement}")]
+    Setting {
+        /// Name of the setting.
+        setting: &'static str,
+        /// Its value.
+        value: f64,
+        /// What is allowed.
+        requirement: &'static str,
+    },
+    /// A position, velocity or rotation is not finite.
+    #[error("fibre {fibre}, node {node}: non-finite {field} at position ({:.6e}, {:.6e}, {:.6e})", position.x, position.y, position.z)]
+    NonFinite {
+        /// Global id.
+        fibre: u64,
+        /// Index of the node in the fibre.
+        node: usize,
+        /// Which field.
+        field: &'static str,
+        /// Where the node is, as far as known.
+        position: Vector3,
+    },
+}

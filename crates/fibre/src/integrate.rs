@@ -1,0 +1,245 @@
+//! Time integration: position Verlet (drift – kick – drift) on positions and rotations, in equal sub-steps.
+//!
+//! - Drift: positions move with constant velocity, frames turn as free symmetric tops. Both are exact flows, so the
+//!   splitting is symplectic and reversible, and total linear and angular momentum change by the kicks only: internal
+//!   forces, which add up to no force and no torque, keep both to round-off.
+//! - Kick: velocities change by the forces at the middle of the sub-step.
+//!
+//! One force evaluation a sub-step and no force carried over, so the state is (x, q, v, ω) and a restart is exact.
+
+use crate::beam::{Motion as EndMotion, Pose, tangent};
+use crate::system::{Load, Model, Motion, NodeConstants};
+use crate::{FibreError, FibreSystem, Quaternion, Vector3};
+
+/// The moving state and scratch of a run of consecutive fibres.
+pub(crate) struct Batch<'a> {
+    /// Local index of the first fibre and of the fibre after the last.
+    pub fibres: std::ops::Range<usize>,
+    pub position: &'a mut [Vector3],
+    pub velocity: &'a mut [Vector3],
+    pub orientation: &'a mut [Quaternion],
+    pub angular_velocity: &'a mut [Vector3],
+    pub load: &'a mut [Load],
+}
+
+/// Nodes below which a batch is not split over threads.
+const GRAIN: usize = 256;
+
+impl<'a> Batch<'a> {
+    pub fn all(model: &Model, motion: &'a mut Motion, load: &'a mut [Load]) -> Self {
+        Self {
+            fibres: 0..model.fibres.len(),
+            position: &mut motion.position,
+            velocity: &mut motion.velocity,
+            orientation: &mut motion.orientation,
+            angular_velocity: &mut motion.angular_velocity,
+            load,
+        }
+    }
+
+    fn split(self, model: &Model, middle: usize) -> (Self, Self) {
+        let n = model.offsets[middle] - model.offsets[self.fibres.start];
+        let (position, position_right) = self.position.split_at_mut(n);
+        let (velocity, velocity_right) = self.velocity.split_at_mut(n);
+        let (orientation, orientation_right) = self.orientation.split_at_mut(n);
+        let (angular_velocity, angular_velocity_right) = self.angular_velocity.split_at_mut(n);
+        let (load, load_right) = self.load.split_at_mut(n);
+        let left = Self {
+            fibres: self.fibres.start..middle,
+            position,
+            velocity,
+            orientation,
+            angular_velocity,
+            load,
+        };
+        let right = Self {
+            fibres: middle..self.fibres.end,
+            position: position_right,
+            velocity: velocity_right,
+            orientation: orientation_right,
+            angular_velocity: angular_velocity_right,
+            load: load_right,
+        };
+        (left, right)
+    }
+
+    /// Runs `work` on every fibre, over threads when there are many nodes. Allocates nothing.
+    pub fn for_each(self, model: &Model, work: &(impl Fn(&mut Batch) + Sync)) {
+        if self.fibres.len() == 1 {
+            let mut one = self;
+            work(&mut one);
+        } else if !self.fibres.is_empty() {
+            let nodes = self.position.len();
+            let middle = self.fibres.start + self.fibres.len() / 2;
+            let (left, right) = self.split(model, middle);
+            if nodes > GRAIN {
+                rayon::join(
+                    || left.for_each(model, work),
+                    || right.for_each(model, work),
+                );
+            } else {
+                left.for_each(model, work);
+                right.for_each(model, work);
+            }
+        }
+    }
+
+    /// Moves one fibre's nodes for a time `dt`.
+    pub fn drift(&mut self, model: &Model, dt: f64) {
+        for (x, v) in self.position.iter_mut().zip(self.velocity.iter()) {
+            *x += v * dt;
+        }
+        let nodes = &model.nodes[model.node_range(self.fibres.start)];
+        for ((q, w), node) in self
+            .orientation
+            .iter_mut()
+            .zip(self.angular_velocity.iter_mut())
+            .zip(nodes)
+        {
+            // A held frame keeps its angular velocity as a sphere does.
+            let flatness = if node.holds_rotation {
+                0.0
+            } else {
+                1.0 - node.axial_inertia / node.transverse_inertia
+            };
+            turn(q, w, flatness, dt);
+        }
+    }
+
+    /// Adds the elastic, viscous and given forces on one fibre's nodes to `load`.
+    pub fn add_forces(&mut self, model: &Model) {
+        let fibre = self.fibres.start;
+        let given = &model.loads[model.node_range(fibre)];
+        for (load, given) in self.load.iter_mut().zip(given) {
+            load.force += given.force;
+            load.torque += given.torque;
+        }
+        let segments = &model.segments[model.segment_range(fibre)];
+        let viscous = model.fibres[fibre].material.retardation > 0.0;
+        for (i, segment) in segments.iter().enumerate() {
+            let pose = |i: usize| Pose {
+                position: &self.position[i],
+                orientation: &self.orientation[i],
+            };
+            let mut f = segment.elastic_force(pose(i), pose(i + 1));
+            if viscous {
+                let motion = |i: usize| EndMotion {
+                    velocity: &self.velocity[i],
+                    angular_velocity: &self.angular_velocity[i],
+                };
+                let v = segment.viscous_force(pose(i), pose(i + 1), motion(i), motion(i + 1));
+                f.force += v.force;
+                f.start_torque += v.start_torque;
+                f.end_torque += v.end_torque;
+            }
+            self.load[i].force -= f.force;
+            self.load[i].torque += f.start_torque;
+            self.load[i + 1].force += f.force;
+            self.load[i + 1].torque += f.end_torque;
+        }
+    }
+
+    /// Changes one fibre's velocities by `load` over `dt` and clears `load`.
+    pub fn kick(&mut self, model: &Model, dt: f64) {
+        let nodes = &model.nodes[model.node_range(self.fibres.start)];
+        for (i, node) in nodes.iter().enumerate() {
+            let load = std::mem::replace(&mut self.load[i], Load::ZERO);
+            if !node.holds_translation {
+                self.velocity[i] += load.force * (dt / node.mass);
+            }
+            if !node.holds_rotation {
+                let t = tangent(&self.orientation[i]);
+                self.angular_velocity[i] += node.spin_up(&t, &load.torque) * dt;
+            }
+        }
+    }
+}
+
+impl NodeConstants {
+    /// Angular acceleration by a torque, both about space axes, of a node with tangent `t`.
+    #[inline(always)]
+    fn spin_up(&self, t: &Vector3, torque: &Vector3) -> Vector3 {
+        let across = 1.0 / self.transverse_inertia;
+        torque * across + t * ((1.0 / self.axial_inertia - across) * torque.dot(t))
+    }
+}
+
+/// Free motion of a symmetric top: the frame precesses about the fixed angular momentum with π/J⊥ and spins about its
+/// own tangent with σ = (1 − J∥/J⊥) ω·t; ω = π/J⊥ + σt. `flatness` is 1 − J∥/J⊥.
+#[inline(always)]
+fn turn(q: &mut Quaternion, w: &mut Vector3, flatness: f64, dt: f64) {
+    let t = tangent(q);
+    let spin = flatness * w.dot(&t);
+    let precession = *w - t * spin;
+    let (cosine, sinc) = half_turn(0.25 * dt * dt * precession.norm_squared());
+    let p = precession * (0.5 * dt * sinc);
+    let (spin_cosine, spin_sinc) = half_turn((0.5 * dt * spin).powi(2));
+    let s = 0.5 * dt * spin * spin_sinc;
+    // (cosine, p) ∘ q ∘ (spin_cosine, s e_x)
+    let (a, b, c, d) = (q.w, q.i, q.j, q.k);
+    let left = [
+        cosine * a - p.x * b - p.y * c - p.z * d,
+        cosine * b + p.x * a + p.y * d - p.z * c,
+        cosine * c - p.x * d + p.y * a + p.z * b,
+        cosine * d + p.x * c - p.y * b + p.z * a,
+    ];
+    let turned = [
+        left[0] * spin_cosine - left[1] * s,
+        left[1] * spin_cosine + left[0] * s,
+        left[2] * spin_cosine + left[3] * s,
+        left[3] * spin_cosine - left[2] * s,
+    ];
+    let norm2 = turned.iter().map(|x| x * x).sum::<f64>();
+    // One Newton step for 1/√norm2, which is 1 up to round-off.
+    let scale = 1.5 - 0.5 * norm2;
+    *q = Quaternion::new_unchecked(nalgebra::Quaternion::new(
+        turned[0] * scale,
+        turned[1] * scale,
+        turned[2] * scale,
+        turned[3] * scale,
+    ));
+    *w = precession + tangent(q) * spin;
+}
+
+/// (cos φ, sin φ / φ) from φ².
+#[inline(always)]
+fn half_turn(z: f64) -> (f64, f64) {
+    if z < 4e-3 {
+        let cosine = 1.0 - z * (0.5 - z * (1.0 / 24.0 - z * (1.0 / 720.0 - z / 40320.0)));
+        let sinc = 1.0 - z * (1.0 / 6.0 - z * (1.0 / 120.0 - z * (1.0 / 5040.0 - z / 362_880.0)));
+        (cosine, sinc)
+    } else {
+        let angle = z.sqrt();
+        let (sine, cosine) = angle.sin_cos();
+        (cosine, sine / angle)
+    }
+}
+
+/// Number and length of equal sub-steps of at most `limit`.
+pub(crate) fn sub_steps(dt: f64, limit: f64) -> (usize, f64) {
+    let n = (dt / limit).ceil().max(1.0) as usize;
+    (n, dt / n as f64)
+}
+
+impl FibreSystem {
+    /// Advances all fibres by `dt` \[s\] under internal and given forces only, each in its own number of equal
+    /// sub-steps below the critical one.
+    ///
+    /// # Errors
+    /// [`FibreError::NonFinite`].
+    pub fn advance_free(&mut self, dt: f64) -> Result<(), FibreError> {
+        let model = &self.model;
+        let safety = self.settings.step_safety;
+        Batch::all(model, &mut self.motion, &mut self.scratch).for_each(model, &|fibre| {
+            let critical = model.fibres[fibre.fibres.start].critical_step;
+            let (n, step) = sub_steps(dt, safety * critical);
+            fibre.drift(model, 0.5 * step);
+            for k in 0..n {
+                fibre.add_forces(model);
+                fibre.kick(model, step);
+                fibre.drift(model, if k + 1 < n { step } else { 0.5 * step });
+            }
+        });
+        self.check_finite()
+    }
+}

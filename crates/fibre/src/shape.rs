@@ -1,0 +1,307 @@
+//! One fibre before it joins the system: material, placed and stress-free shape, supports, node frames.
+
+use crate::beam::Segment;
+use crate::{FibreError, Quaternion, Vector3};
+
+/// A round, homogeneous, linearly elastic section.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Material {
+    /// Radius \[m\].
+    pub radius: f64,
+    /// Young's modulus E \[Pa\].
+    pub youngs_modulus: f64,
+    /// Shear modulus G \[Pa\].
+    pub shear_modulus: f64,
+    /// Density \[kg/m³\].
+    pub density: f64,
+    /// Kelvin–Voigt retardation time \[s\], 0 for a purely elastic fibre.
+    pub retardation: f64,
+}
+
+impl Material {
+    /// Material with G = E / (2(1 + ν)), without damping.
+    pub fn new(radius: f64, youngs_modulus: f64, poisson_ratio: f64, density: f64) -> Self {
+        Self {
+            radius,
+            youngs_modulus,
+            shear_modulus: youngs_modulus / (2.0 * (1.0 + poisson_ratio)),
+            density,
+            retardation: 0.0,
+        }
+    }
+
+    /// Cross-section A = πr² \[m²\].
+    pub fn area(&self) -> f64 {
+        std::f64::consts::PI * self.radius * self.radius
+    }
+
+    /// Second moment of area I = πr⁴/4 \[m⁴\]; the polar moment J is twice that.
+    pub fn second_moment(&self) -> f64 {
+        0.25 * self.area() * self.radius * self.radius
+    }
+
+    /// EI \[N·m²\].
+    pub fn bending_stiffness(&self) -> f64 {
+        self.youngs_modulus * self.second_moment()
+    }
+
+    /// Ratio of transverse to axial rotary inertia of a node.
+    ///
+    /// Transverse rotary inertia per length is ρI(1 + E/κG): ρI is the section's own (the length's share sits in the
+    /// two node masses, which already carry more than the segment's), and the factor is the leading effect of shear
+    /// in Timoshenko's beam, κ = 6(1+ν)/(7+6ν) of a round section (Cowper 1966), so that E/κG = (7+6ν)/3.
+    pub fn rotary_ratio(&self) -> f64 {
+        let poisson = self.youngs_modulus / (2.0 * self.shear_modulus) - 1.0;
+        0.5 * (1.0 + (7.0 + 6.0 * poisson) / 3.0)
+    }
+
+    fn check(&self, fibre: u64) -> Result<(), FibreError> {
+        let positive = [
+            ("radius", self.radius),
+            ("Young's modulus", self.youngs_modulus),
+            ("shear modulus", self.shear_modulus),
+            ("density", self.density),
+        ];
+        for (quantity, value) in positive {
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(FibreError::Material {
+                    fibre,
+                    quantity,
+                    value,
+                    requirement: "positive and finite",
+                });
+            }
+        }
+        if self.shear_modulus < self.youngs_modulus / 3.0 * (1.0 - 1e-12) {
+            return Err(FibreError::Material {
+                fibre,
+                quantity: "shear modulus",
+                value: self.shear_modulus,
+                requirement: "at least a third of Young's modulus (Poisson's ratio up to 0.5)",
+            });
+        }
+        if !(self.retardation >= 0.0 && self.retardation.is_finite()) {
+            return Err(FibreError::Material {
+                fibre,
+                quantity: "retardation time",
+                value: self.retardation,
+                requirement: "zero or positive",
+            });
+        }
+        Ok(())
+    }
+}
+
+/// The stress-free shape of a fibre.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Equilibrium {
+    /// The shape it is placed in.
+    Placed,
+    /// Straight, with the placed chord lengths.
+    Straight,
+    /// Node positions \[m\] of the stress-free shape, anywhere in space; one for each node of the fibre.
+    Shape(Vec<Vector3>),
+}
+
+/// What is held at a node. A held node keeps the velocity (angular velocity) it has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Support {
+    /// Index of the node in the fibre.
+    pub node: usize,
+    /// Holds the position.
+    pub translation: bool,
+    /// Holds the frame.
+    pub rotation: bool,
+}
+
+impl Support {
+    /// Position and frame held.
+    pub fn clamp(node: usize) -> Self {
+        Self {
+            node,
+            translation: true,
+            rotation: true,
+        }
+    }
+}
+
+/// One fibre as given: at rest unless velocities are set afterwards.
+#[derive(Clone, Debug)]
+pub struct Fibre {
+    /// Global id, unique over all ranks, below 2⁴⁴.
+    pub id: u64,
+    /// Section and material.
+    pub material: Material,
+    /// Node positions \[m\], unwrapped (not folded into a periodic box).
+    pub nodes: Vec<Vector3>,
+    /// Stress-free shape.
+    pub equilibrium: Equilibrium,
+    /// Supports, none for a free fibre.
+    pub supports: Vec<Support>,
+}
+
+impl Fibre {
+    /// A free fibre that is stress-free as placed.
+    pub fn new(id: u64, material: Material, nodes: Vec<Vector3>) -> Self {
+        Self {
+            id,
+            material,
+            nodes,
+            equilibrium: Equilibrium::Placed,
+            supports: Vec::new(),
+        }
+    }
+
+    /// A free straight fibre of `segments` equal segments from `start` to `end`.
+    pub fn straight(
+        id: u64,
+        material: Material,
+        start: Vector3,
+        end: Vector3,
+        segments: usize,
+    ) -> Self {
+        let node = |i| start + (end - start) * (i as f64 / segments as f64);
+        Self::new(id, material, (0..=segments).map(node).collect())
+    }
+}
+
+/// A fibre with node frames and segment constants worked out.
+pub(crate) struct Prepared {
+    pub orientation: Vec<Quaternion>,
+    pub segments: Vec<Segment>,
+}
+
+/// Number of bits of a segment id that count segments within a fibre.
+pub(crate) const SEGMENT_BITS: u32 = 20;
+
+pub(crate) fn prepare(fibre: &Fibre) -> Result<Prepared, FibreError> {
+    let nodes = fibre.nodes.len();
+    if nodes < 2 {
+        return Err(FibreError::TooFewNodes {
+            fibre: fibre.id,
+            nodes,
+        });
+    }
+    if nodes - 1 > 1 << SEGMENT_BITS {
+        return Err(FibreError::TooManySegments {
+            fibre: fibre.id,
+            segments: nodes - 1,
+            limit: 1 << SEGMENT_BITS,
+        });
+    }
+    if fibre.id >> (64 - SEGMENT_BITS) != 0 {
+        return Err(FibreError::IdTooLarge {
+            fibre: fibre.id,
+            limit: 1 << (64 - SEGMENT_BITS),
+        });
+    }
+    fibre.material.check(fibre.id)?;
+    for support in &fibre.supports {
+        if support.node >= nodes {
+            return Err(FibreError::NoSuchNode {
+                fibre: fibre.id,
+                node: support.node,
+                nodes,
+            });
+        }
+    }
+    let placed = segment_frames(fibre.id, &fibre.nodes, "placed")?;
+    let placed_lengths = || chord_lengths(&fibre.nodes);
+    let (rest, rest_lengths) = match &fibre.equilibrium {
+        Equilibrium::Placed => (placed.clone(), placed_lengths()),
+        Equilibrium::Straight => (vec![Quaternion::identity(); placed.len()], placed_lengths()),
+        Equilibrium::Shape(shape) => {
+            if shape.len() != nodes {
+                return Err(FibreError::EquilibriumSize {
+                    fibre: fibre.id,
+                    nodes,
+                    equilibrium: shape.len(),
+                });
+            }
+            (
+                segment_frames(fibre.id, shape, "equilibrium")?,
+                chord_lengths(shape),
+            )
+        }
+    };
+    let rest_nodes = node_frames(&rest);
+    let material = &fibre.material;
+    let segments = rest
+        .iter()
+        .zip(&rest_lengths)
+        .enumerate()
+        .map(|(s, (frame, &length))| Segment {
+            rest_length: length,
+            axial: material.youngs_modulus * material.area() / length,
+            bending: material.bending_stiffness() / length,
+            torsion: 2.0 * material.shear_modulus * material.second_moment() / length,
+            retardation: material.retardation,
+            start_frame: rest_nodes[s].inverse() * frame,
+            end_frame: rest_nodes[s + 1].inverse() * frame,
+        })
+        .collect();
+    let orientation = match fibre.equilibrium {
+        Equilibrium::Placed => rest_nodes,
+        Equilibrium::Straight | Equilibrium::Shape(_) => node_frames(&placed),
+    };
+    Ok(Prepared {
+        orientation,
+        segments,
+    })
+}
+
+fn chord_lengths(nodes: &[Vector3]) -> Vec<f64> {
+    nodes.windows(2).map(|w| (w[1] - w[0]).norm()).collect()
+}
+
+/// Twist-free frames of the segments: x along the chord, each turned from the one before by the smallest rotation.
+fn segment_frames(
+    fibre: u64,
+    nodes: &[Vector3],
+    shape: &'static str,
+) -> Result<Vec<Quaternion>, FibreError> {
+    let mut frame = Quaternion::identity();
+    let mut frames = Vec::with_capacity(nodes.len() - 1);
+    for (segment, pair) in nodes.windows(2).enumerate() {
+        let degenerate = || FibreError::DegenerateShape {
+            fibre,
+            segment,
+            shape,
+        };
+        let span = pair[1] - pair[0];
+        let length = span.norm();
+        if !(length > 0.0 && length.is_finite()) {
+            return Err(degenerate());
+        }
+        let direction = span / length;
+        // The first segment may point along −x, where the smallest rotation from x is not unique.
+        if segment == 0 && direction.x < 0.0 {
+            frame = Quaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI);
+        }
+        let turn = smallest_rotation(&(frame * Vector3::x()), &direction).ok_or_else(degenerate)?;
+        frame = turn * frame;
+        frames.push(frame);
+    }
+    Ok(frames)
+}
+
+/// The smallest rotation between unit vectors; none when they are opposite. Accurate for small angles too.
+fn smallest_rotation(from: &Vector3, to: &Vector3) -> Option<Quaternion> {
+    let cosine = from.dot(to);
+    let axis = from.cross(to);
+    (cosine > -1.0 + 1e-9)
+        .then(|| Quaternion::from_quaternion(nalgebra::Quaternion::from_parts(1.0 + cosine, axis)))
+}
+
+/// Node frames half-way between the frames of the adjacent segments.
+fn node_frames(segments: &[Quaternion]) -> Vec<Quaternion> {
+    let first = segments[0];
+    let last = segments[segments.len() - 1];
+    std::iter::once(first)
+        .chain(segments.windows(2).map(|w| {
+            let turn = w[0].inverse() * w[1];
+            w[0] * Quaternion::from_scaled_axis(turn.scaled_axis() * 0.5)
+        }))
+        .chain(std::iter::once(last))
+        .collect()
+}

@@ -1,0 +1,390 @@
+//! All fibres of a rank in flat arrays.
+
+use crate::beam::{Pose, Segment};
+use crate::shape::{Fibre, Material, SEGMENT_BITS, prepare};
+use crate::{FibreError, Quaternion, Vector3};
+use fibreflow_parallel::Communicator;
+
+/// Settings of a fibre system.
+#[derive(Clone, Debug)]
+pub struct FibreSettings {
+    /// Gravitational acceleration \[m/s²\].
+    pub gravity: Vector3,
+    /// Density of the fluid whose weight is taken off \[kg/m³\]; 0 for no buoyancy.
+    pub buoyant_density: f64,
+    /// Sub-step over critical step, in (0, 1).
+    pub step_safety: f64,
+}
+
+impl Default for FibreSettings {
+    fn default() -> Self {
+        Self {
+            gravity: Vector3::zeros(),
+            buoyant_density: 0.0,
+            step_safety: 0.7,
+        }
+    }
+}
+
+/// Constants of one node.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct NodeConstants {
+    /// Half the mass of the adjacent segments \[kg\].
+    pub mass: f64,
+    /// Rotary inertia about the axes across the tangent \[kg·m²\].
+    pub transverse_inertia: f64,
+    /// Rotary inertia about the tangent \[kg·m²\].
+    pub axial_inertia: f64,
+    pub holds_translation: bool,
+    pub holds_rotation: bool,
+}
+
+/// Given force and torque on a node, constant in time and direction; weight is added to `force` at set-up.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Load {
+    pub force: Vector3,
+    pub torque: Vector3,
+}
+
+impl Load {
+    pub const ZERO: Self = Self {
+        force: Vector3::new(0.0, 0.0, 0.0),
+        torque: Vector3::new(0.0, 0.0, 0.0),
+    };
+}
+
+/// Constants of one fibre.
+#[derive(Clone, Debug)]
+pub(crate) struct FibreConstants {
+    pub id: u64,
+    pub material: Material,
+    /// Sum of rest lengths \[m\].
+    pub length: f64,
+    /// Largest stable sub-step without contacts \[s\].
+    pub critical_step: f64,
+}
+
+/// What does not change while time advances.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Model {
+    pub fibres: Vec<FibreConstants>,
+    /// First node of each fibre, and the number of nodes at the end.
+    pub offsets: Vec<usize>,
+    pub nodes: Vec<NodeConstants>,
+    /// Point loads and weight.
+    pub loads: Vec<Load>,
+    /// Segments of fibre f start at `offsets\[f\] - f`.
+    pub segments: Vec<Segment>,
+}
+
+impl Model {
+    pub fn node_range(&self, fibre: usize) -> std::ops::Range<usize> {
+        self.offsets[fibre]..self.offsets[fibre + 1]
+    }
+
+    pub fn segment_range(&self, fibre: usize) -> std::ops::Range<usize> {
+        self.offsets[fibre] - fibre..self.offsets[fibre + 1] - fibre - 1
+    }
+}
+
+/// What changes in time: one entry a node.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Motion {
+    pub position: Vec<Vector3>,
+    pub velocity: Vec<Vector3>,
+    pub orientation: Vec<Quaternion>,
+    pub angular_velocity: Vec<Vector3>,
+}
+
+/// Fibres of this rank: nodes of all fibres one after another, in the order of the global ids.
+pub struct FibreSystem {
+    pub(crate) communicator: Communicator,
+    pub(crate) settings: FibreSettings,
+    pub(crate) model: Model,
+    pub(crate) motion: Motion,
+    /// Force and torque on each node, scratch of a sub-step.
+    pub(crate) scratch: Vec<Load>,
+}
+
+impl FibreSystem {
+    /// A system of the given fibres (those of this rank), at rest.
+    ///
+    /// # Errors
+    /// A shape, material or setting that cannot be used; two fibres of this rank with one id.
+    pub fn new(
+        communicator: Communicator,
+        settings: FibreSettings,
+        mut fibres: Vec<Fibre>,
+    ) -> Result<Self, FibreError> {
+        settings.check()?;
+        fibres.sort_by_key(|f| f.id);
+        if let Some(pair) = fibres.windows(2).find(|w| w[0].id == w[1].id) {
+            return Err(FibreError::DuplicateId { fibre: pair[0].id });
+        }
+        let mut system = Self {
+            communicator,
+            settings,
+            model: Model {
+                offsets: vec![0],
+                ..Model::default()
+            },
+            motion: Motion::default(),
+            scratch: Vec::new(),
+        };
+        for fibre in &fibres {
+            system.push(fibre)?;
+        }
+        system.resize_scratch();
+        Ok(system)
+    }
+
+    fn push(&mut self, fibre: &Fibre) -> Result<(), FibreError> {
+        let prepared = prepare(fibre)?;
+        let nodes = fibre.nodes.len();
+        self.motion.position.extend_from_slice(&fibre.nodes);
+        self.motion.orientation.extend(prepared.orientation);
+        let total = self.motion.position.len();
+        self.motion.velocity.resize(total, Vector3::zeros());
+        self.motion.angular_velocity.resize(total, Vector3::zeros());
+        let mut held = vec![(false, false); nodes];
+        for support in &fibre.supports {
+            let node = &mut held[support.node];
+            node.0 |= support.translation;
+            node.1 |= support.rotation;
+        }
+        self.push_constants(fibre.id, fibre.material, prepared.segments, &held);
+        Ok(())
+    }
+
+    /// Appends the constants of one fibre; `held` lists (translation, rotation) for each node.
+    pub(crate) fn push_constants(
+        &mut self,
+        id: u64,
+        material: Material,
+        segments: Vec<Segment>,
+        held: &[(bool, bool)],
+    ) {
+        let line_density = material.density * material.area();
+        let axial_per_mass = 0.5 * material.radius * material.radius;
+        let transverse_per_mass = axial_per_mass * material.rotary_ratio();
+        let weight_per_mass =
+            self.settings.gravity * (1.0 - self.settings.buoyant_density / material.density);
+        let mut frequency = 0.0_f64;
+        for s in &segments {
+            let mass = line_density * s.rest_length;
+            frequency = frequency.max(s.frequency_bound(
+                mass,
+                mass * transverse_per_mass,
+                mass * axial_per_mass,
+            ));
+        }
+        let frequency = frequency.sqrt();
+        let damping = 0.5 * material.retardation * frequency;
+        let half_mass = |s: Option<&Segment>| s.map_or(0.0, |s| 0.5 * line_density * s.rest_length);
+        for (i, &(holds_translation, holds_rotation)) in held.iter().enumerate() {
+            let left = i.checked_sub(1).and_then(|j| segments.get(j));
+            let mass = half_mass(left) + half_mass(segments.get(i));
+            self.model.nodes.push(NodeConstants {
+                mass,
+                transverse_inertia: mass * transverse_per_mass,
+                axial_inertia: mass * axial_per_mass,
+                holds_translation,
+                holds_rotation,
+            });
+            self.model.loads.push(Load {
+                force: weight_per_mass * mass,
+                torque: Vector3::zeros(),
+            });
+        }
+        self.model.fibres.push(FibreConstants {
+            id,
+            material,
+            length: segments.iter().map(|s| s.rest_length).sum(),
+            critical_step: 2.0 / frequency * ((1.0 + damping * damping).sqrt() - damping),
+        });
+        self.model.segments.extend(segments);
+        self.model.offsets.push(self.model.nodes.len());
+    }
+
+    pub(crate) fn resize_scratch(&mut self) {
+        self.scratch.resize(self.model.nodes.len(), Load::ZERO);
+    }
+
+    /// The ranks that share the fibres.
+    pub fn communicator(&self) -> &Communicator {
+        &self.communicator
+    }
+
+    /// Number of fibres of this rank.
+    pub fn fibres(&self) -> usize {
+        self.model.fibres.len()
+    }
+
+    /// Number of segments of this rank.
+    pub fn segments(&self) -> usize {
+        self.model.segments.len()
+    }
+
+    /// Global id of a local fibre.
+    pub fn id(&self, fibre: usize) -> u64 {
+        self.model.fibres[fibre].id
+    }
+
+    /// Material of a local fibre.
+    pub fn material(&self, fibre: usize) -> &Material {
+        &self.model.fibres[fibre].material
+    }
+
+    /// Stress-free length of a local fibre \[m\].
+    pub fn length(&self, fibre: usize) -> f64 {
+        self.model.fibres[fibre].length
+    }
+
+    /// First node of each local fibre and, last, the number of nodes.
+    pub fn offsets(&self) -> &[usize] {
+        &self.model.offsets
+    }
+
+    /// Node positions \[m\], unwrapped.
+    pub fn positions(&self) -> &[Vector3] {
+        &self.motion.position
+    }
+
+    /// Node velocities \[m/s\].
+    pub fn velocities(&self) -> &[Vector3] {
+        &self.motion.velocity
+    }
+
+    /// Node velocities \[m/s\], to set an initial motion or that of held nodes.
+    pub fn velocities_mut(&mut self) -> &mut [Vector3] {
+        &mut self.motion.velocity
+    }
+
+    /// Node frames.
+    pub fn orientations(&self) -> &[Quaternion] {
+        &self.motion.orientation
+    }
+
+    /// Angular velocities of the node frames, space axes \[rad/s\].
+    pub fn angular_velocities(&self) -> &[Vector3] {
+        &self.motion.angular_velocity
+    }
+
+    /// Angular velocities \[rad/s\], to set an initial motion or that of held nodes.
+    pub fn angular_velocities_mut(&mut self) -> &mut [Vector3] {
+        &mut self.motion.angular_velocity
+    }
+
+    /// Global id of segment `segment` of fibre `fibre` (a global id).
+    pub fn segment_id(fibre: u64, segment: usize) -> u64 {
+        fibre << SEGMENT_BITS | segment as u64
+    }
+
+    /// Local index of a fibre.
+    pub fn find(&self, id: u64) -> Option<usize> {
+        self.model.fibres.binary_search_by_key(&id, |f| f.id).ok()
+    }
+
+    /// Adds a force \[N\] and a torque \[N·m\], constant in time and direction, to a node of a fibre of this rank.
+    ///
+    /// # Errors
+    /// [`FibreError::NoSuchFibre`], [`FibreError::NoSuchNode`].
+    pub fn add_load(
+        &mut self,
+        fibre: u64,
+        node: usize,
+        force: Vector3,
+        torque: Vector3,
+    ) -> Result<(), FibreError> {
+        let local = self.find(fibre).ok_or(FibreError::NoSuchFibre { fibre })?;
+        let range = self.model.node_range(local);
+        let nodes = range.len();
+        if node >= nodes {
+            return Err(FibreError::NoSuchNode { fibre, node, nodes });
+        }
+        let load = &mut self.model.loads[range.start + node];
+        load.force += force;
+        load.torque += torque;
+        Ok(())
+    }
+
+    /// Largest stable sub-step of the fibres of this rank, without contacts \[s\]; infinite without fibres.
+    ///
+    /// 2/ω with ω the largest element frequency (Kunhappan 2018, eqs. 3.37–3.40 with the errata), reduced by damping
+    /// of ratio ξ to (2/ω)(√(1 + ξ²) − ξ). Drag is implicit and does not limit it.
+    pub fn critical_step(&self) -> f64 {
+        let steps = self.model.fibres.iter().map(|f| f.critical_step);
+        steps.fold(f64::INFINITY, f64::min)
+    }
+
+    /// Poses of the two ends of a segment of a local fibre.
+    pub(crate) fn segment_poses(&self, fibre: usize, segment: usize) -> (Pose<'_>, Pose<'_>) {
+        let node = self.model.offsets[fibre] + segment;
+        let pose = |i: usize| Pose {
+            position: &self.motion.position[i],
+            orientation: &self.motion.orientation[i],
+        };
+        (pose(node), pose(node + 1))
+    }
+
+    /// Names the first fibre and node whose state is not finite.
+    ///
+    /// # Errors
+    /// [`FibreError::NonFinite`].
+    pub fn check_finite(&self) -> Result<(), FibreError> {
+        for (f, fibre) in self.model.fibres.iter().enumerate() {
+            let range = self.model.node_range(f);
+            for i in range.clone() {
+                let m = &self.motion;
+                let finite = |v: &Vector3| v.x.is_finite() && v.y.is_finite() && v.z.is_finite();
+                let q = m.orientation[i].coords.sum();
+                let field = if !finite(&m.position[i]) {
+                    "position"
+                } else if !finite(&m.velocity[i]) {
+                    "velocity"
+                } else if !finite(&m.angular_velocity[i]) {
+                    "angular velocity"
+                } else if !q.is_finite() {
+                    "orientation"
+                } else {
+                    continue;
+                };
+                return Err(FibreError::NonFinite {
+                    fibre: fibre.id,
+                    node: i - range.start,
+                    field,
+                    position: m.position[i],
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+impl FibreSettings {
+    fn check(&self) -> Result<(), FibreError> {
+        if !(self.step_safety > 0.0 && self.step_safety < 1.0) {
+            return Err(FibreError::Setting {
+                setting: "step_safety",
+                value: self.step_safety,
+                requirement: "between 0 and 1",
+            });
+        }
+        if !(self.buoyant_density >= 0.0 && self.buoyant_density.is_finite()) {
+            return Err(FibreError::Setting {
+                setting: "buoyant_density",
+                value: self.buoyant_density,
+                requirement: "zero or positive",
+            });
+        }
+        let gravity = self.gravity.norm();
+        if !gravity.is_finite() {
+            return Err(FibreError::Setting {
+                setting: "gravity",
+                value: gravity,
+                requirement: "finite",
+            });
+        }
+        Ok(())
+    }
+}

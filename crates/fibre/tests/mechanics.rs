@@ -1,0 +1,321 @@
+//! Dynamics and statics of whole fibres against beam theory and invariants (validation rows B1, B2, B3).
+
+use fibreflow_fibre::{
+    Equilibrium, Fibre, FibreSettings, FibreSystem, Material, Quaternion, Support, Vector3,
+};
+use fibreflow_parallel::Communicator;
+use std::f64::consts::PI;
+
+/// Stiffness so that EI = 1 with L = 1.
+fn material(radius: f64) -> Material {
+    let unit = Material::new(radius, 1.0, 0.3, 1.0);
+    Material::new(radius, 1.0 / unit.second_moment(), 0.3, 1.0 / unit.area())
+}
+
+fn system(fibre: Fibre, settings: FibreSettings) -> FibreSystem {
+    FibreSystem::new(Communicator::single(), settings, vec![fibre]).expect("valid fibre")
+}
+
+/// A unit cantilever along x, held at the origin.
+fn cantilever(segments: usize, radius: f64) -> FibreSystem {
+    let mut fibre = Fibre::straight(
+        3,
+        material(radius),
+        Vector3::zeros(),
+        Vector3::x(),
+        segments,
+    );
+    fibre.supports = vec![Support::clamp(0)];
+    system(fibre, FibreSettings::default())
+}
+
+/// Kinetic relaxation: all motion is stopped whenever the kinetic energy has passed a maximum.
+fn relax(system: &mut FibreSystem, step: f64, tolerance: f64) {
+    let mut last = 0.0;
+    let mut peak = 0.0_f64;
+    for _ in 0..2_000_000 {
+        system.advance_free(step).expect("finite");
+        let kinetic = system.energy().kinetic;
+        if kinetic < last {
+            system.velocities_mut().fill(Vector3::zeros());
+            system.angular_velocities_mut().fill(Vector3::zeros());
+            peak = peak.max(last);
+            if last < tolerance * peak {
+                return;
+            }
+            last = 0.0;
+        } else {
+            last = kinetic;
+        }
+    }
+    panic!("no equilibrium");
+}
+
+fn tip(system: &FibreSystem) -> Vector3 {
+    system.positions()[system.positions().len() - 1]
+}
+
+fn tip_under(segments: usize, radius: f64, force: Vector3, torque: Vector3) -> Vector3 {
+    let mut s = cantilever(segments, radius);
+    s.add_load(3, segments, force, torque).expect("tip");
+    let step = s.critical_step();
+    relax(&mut s, 5.0 * step, 1e-14);
+    tip(&s)
+}
+
+/// Tip of the extensible elastica under a transverse dead load `p` (= PL²/EI), by shooting: with the strain
+/// ε = P sin θ/EA, θ'' = −p(1 + ε) cos θ, x' = (1 + ε) cos θ, y' = (1 + ε) sin θ; θ(0) = 0, θ'(1) = 0.
+fn elastica(p: f64, compliance: f64) -> Vector3 {
+    let shoot = |slope: f64| {
+        let n = 4000;
+        let h = 1.0 / f64::from(n);
+        let rate = |y: [f64; 4]| {
+            let (sine, cosine) = y[0].sin_cos();
+            let stretch = 1.0 + p * compliance * sine;
+            [
+                y[1],
+                -p * stretch * cosine,
+                stretch * cosine,
+                stretch * sine,
+            ]
+        };
+        let mut y = [0.0, slope, 0.0, 0.0];
+        let along = |y: [f64; 4], k: [f64; 4], a: f64| std::array::from_fn(|i| y[i] + a * k[i]);
+        for _ in 0..n {
+            let k1 = rate(y);
+            let k2 = rate(along(y, k1, 0.5 * h));
+            let k3 = rate(along(y, k2, 0.5 * h));
+            let k4 = rate(along(y, k3, h));
+            y = std::array::from_fn(|i| y[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]));
+        }
+        y
+    };
+    let (mut low, mut high) = (0.0, p);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if shoot(middle)[1] < 0.0 {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    let y = shoot(low);
+    Vector3::new(y[2], y[3], 0.0)
+}
+
+#[test]
+fn a_small_tip_load_bends_as_euler_and_bernoulli_say() {
+    let load = 1e-3;
+    let tip = tip_under(32, 0.02, Vector3::new(0.0, load, 0.0), Vector3::zeros());
+    let relative = tip.y / (load / 3.0) - 1.0;
+    println!("relative error of the deflection {relative:.2e}");
+    assert!(relative.abs() < 2e-3);
+}
+
+#[test]
+fn a_large_tip_load_gives_the_elastica_at_second_order() {
+    let radius = 0.02;
+    // EI/EA = r²/4
+    let reference = elastica(5.0, 0.25 * radius * radius);
+    let error = |n| {
+        let tip = tip_under(n, radius, Vector3::new(0.0, 5.0, 0.0), Vector3::zeros());
+        (tip - reference).norm()
+    };
+    let errors = [8, 16, 32].map(error);
+    println!("elastica {reference:?}, errors {errors:?}");
+    assert!(errors[2] < 1e-2 * reference.y);
+    let order = 0.5 * (errors[0] / errors[2]).log2();
+    assert!(order > 1.9, "order {order}");
+}
+
+/// A follower is not needed: a moment keeps its direction.
+#[test]
+fn a_tip_moment_closes_the_circle() {
+    let tip = tip_under(16, 0.02, Vector3::zeros(), Vector3::new(0.0, 0.0, 2.0 * PI));
+    println!("gap {:e}", tip.norm());
+    assert!(tip.norm() < 1e-3);
+}
+
+#[test]
+fn a_tip_torque_twists_exactly() {
+    let n = 8;
+    let torque = 1.7;
+    let mut s = cantilever(n, 0.05);
+    s.add_load(3, n, Vector3::zeros(), Vector3::x() * torque)
+        .expect("tip");
+    let step = s.critical_step();
+    relax(&mut s, step, 1e-26);
+    let m = *s.material(0);
+    let expected = torque / (2.0 * m.shear_modulus * m.second_moment());
+    let angle = s.orientations()[n].scaled_axis();
+    assert!(
+        (angle - Vector3::x() * expected).norm() < 1e-9 * expected,
+        "{angle}"
+    );
+}
+
+/// First natural frequency from the free vibration, and the drift of the total energy over a hundred periods.
+#[test]
+fn free_vibration_has_the_right_frequency_and_keeps_its_energy() {
+    let n = 32;
+    let k: f64 = 1.875_104_068_711_961;
+    let period = 2.0 * PI / (k * k);
+    let mut s = cantilever(n, 0.02);
+    let shape = |x: f64| {
+        let ratio = (k.cosh() + k.cos()) / (k.sinh() + k.sin());
+        (k * x).cosh() - (k * x).cos() - ratio * ((k * x).sinh() - (k * x).sin())
+    };
+    let amplitude = 1e-3;
+    for i in 0..=n {
+        let x = i as f64 / n as f64;
+        s.velocities_mut()[i].y = amplitude * shape(x);
+        let h = 1e-5;
+        s.angular_velocities_mut()[i].z =
+            amplitude * (shape(x + h) - shape(x - h)) / (2.0 * h) * f64::from(u8::from(i > 0));
+    }
+    let first = s.energy().total();
+    let step = period / 200.0;
+    let mut crossings = Vec::new();
+    let mut last = 0.0;
+    let mut drift = 0.0_f64;
+    for i in 0..20_000 {
+        s.advance_free(step).expect("finite");
+        let y = tip(&s).y;
+        if last < 0.0 && y >= 0.0 {
+            crossings.push((f64::from(i) + last / (last - y)) * step);
+        }
+        last = y;
+        drift = drift.max((s.energy().total() / first - 1.0).abs());
+    }
+    let periods = crossings.len() - 1;
+    let measured = (crossings[periods] - crossings[0]) / periods as f64;
+    println!(
+        "frequency error {:.2e}, energy drift {drift:.2e}",
+        period / measured - 1.0
+    );
+    assert!(periods >= 98);
+    assert!((period / measured - 1.0).abs() < 5e-3);
+    assert!(drift < 1e-4);
+}
+
+/// A bent fibre, stretched, twisted, spinning and flying freely.
+#[test]
+fn free_flight_keeps_momentum_and_angular_momentum() {
+    let nodes = (0..=12)
+        .map(|i| {
+            let a = 0.25 * f64::from(i);
+            Vector3::new(a.cos(), a.sin(), 0.1 * a)
+        })
+        .collect();
+    let mut fibre = Fibre::new(1, material(0.1), nodes);
+    fibre.equilibrium = Equilibrium::Straight;
+    let mut s = system(fibre, FibreSettings::default());
+    for (i, v) in s.velocities_mut().iter_mut().enumerate() {
+        *v = Vector3::new(0.3, (i as f64).sin(), 0.2 * i as f64);
+    }
+    for (i, w) in s.angular_velocities_mut().iter_mut().enumerate() {
+        *w = Vector3::new(20.0, (i as f64).cos(), -3.0);
+    }
+    let (p, l, e) = (s.momentum(), s.angular_momentum(), s.energy().total());
+    let speed: f64 = s.velocities().iter().map(|v| v.norm()).sum();
+    for _ in 0..200 {
+        s.advance_free(1e-2).expect("finite");
+    }
+    let dp = (s.momentum() - p).norm() / (speed / 12.0);
+    let dl = (s.angular_momentum() - l).norm() / l.norm();
+    let de = (s.energy().total() / e - 1.0).abs();
+    println!("momentum {dp:.1e}, angular momentum {dl:.1e}, energy {de:.1e}");
+    assert!(dp < 1e-12 && dl < 1e-11 && de < 2e-2);
+}
+
+#[test]
+fn the_energy_error_falls_with_the_square_of_the_step() {
+    let worst = |safety: f64| {
+        let nodes = (0..=8)
+            .map(|i| {
+                Vector3::new(
+                    0.3 * f64::from(i).cos(),
+                    0.3 * f64::from(i).sin(),
+                    0.05 * f64::from(i),
+                )
+            })
+            .collect();
+        let mut fibre = Fibre::new(1, material(0.1), nodes);
+        fibre.equilibrium = Equilibrium::Straight;
+        let settings = FibreSettings {
+            step_safety: safety,
+            ..FibreSettings::default()
+        };
+        let mut s = system(fibre, settings);
+        let e = s.energy().total();
+        let mut error = 0.0_f64;
+        for _ in 0..2000 {
+            s.advance_free(0.25 * s.critical_step()).expect("finite");
+            error = error.max((s.energy().total() / e - 1.0).abs());
+        }
+        error
+    };
+    let (coarse, fine) = (worst(0.25), worst(0.125));
+    println!("{coarse:e} {fine:e}");
+    assert!(coarse / fine > 3.0);
+}
+
+#[test]
+fn a_curved_equilibrium_is_at_rest_and_a_straight_one_springs() {
+    let nodes: Vec<Vector3> = (0..=10)
+        .map(|i| {
+            let a = 0.3 * f64::from(i);
+            Vector3::new(a.cos(), a.sin(), 0.2 * a)
+        })
+        .collect();
+    let placed = Fibre::new(7, material(0.05), nodes.clone());
+    let mut s = system(placed.clone(), FibreSettings::default());
+    s.advance_free(0.1).expect("finite");
+    let moved = s
+        .positions()
+        .iter()
+        .zip(&nodes)
+        .map(|(a, b)| (a - b).norm());
+    assert!(moved.fold(0.0, f64::max) < 1e-12);
+
+    // The same shape given elsewhere in space as the equilibrium of a fibre placed straight.
+    let q = Quaternion::from_scaled_axis(Vector3::new(0.3, 1.0, -2.0));
+    let chord = (nodes[1] - nodes[0]).norm();
+    let mut straight = placed;
+    straight.nodes = (0..=10)
+        .map(|i| Vector3::x() * chord * f64::from(i))
+        .collect();
+    straight.equilibrium = Equilibrium::Shape(nodes.iter().map(|x| q * x).collect());
+    let mut s = system(straight, FibreSettings::default());
+    assert!(s.energy().elastic.bending > 0.1);
+    let step = s.critical_step();
+    relax(&mut s, 5.0 * step, 1e-22);
+    let expected = (nodes[10] - nodes[0]).norm();
+    assert!((s.end_to_end(0).norm() / expected - 1.0).abs() < 1e-6);
+    let mut curvature = Vec::new();
+    s.curvature(0, &mut curvature);
+    // Helix of radius 1 and pitch rise 0.2 a: κ = 1/(1 + 0.04), up to the polygon.
+    assert!(
+        curvature
+            .iter()
+            .all(|k| (k.norm() * 1.04 - 1.0).abs() < 0.02)
+    );
+}
+
+#[test]
+fn weight_less_buoyancy_moves_a_free_fibre() {
+    let settings = FibreSettings {
+        gravity: Vector3::new(0.0, 0.0, -10.0),
+        buoyant_density: 0.25 * material(0.05).density,
+        ..FibreSettings::default()
+    };
+    let fibre = Fibre::straight(0, material(0.05), Vector3::zeros(), Vector3::x(), 4);
+    let mut s = system(fibre, settings);
+    s.advance_free(0.3).expect("finite");
+    for v in s.velocities() {
+        assert!((v.z + 7.5 * 0.3).abs() < 1e-11);
+    }
+    for x in s.positions() {
+        assert!((x.z + 0.5 * 7.5 * 0.09).abs() < 1e-11);
+    }
+}
