@@ -34,6 +34,8 @@ mpi_checks! {
     no_rank_holds_the_mesh,
     messages_scale_with_the_interface,
     an_error_on_rank_0_reaches_all,
+    transfer_agrees_on_any_ranks,
+    crowded_fibres_are_handed_out,
 }
 
 /// A failing check must fail: otherwise nothing here can.

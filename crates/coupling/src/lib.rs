@@ -1,1 +1,15 @@
 //! Two-way coupling of fluid and fibres: locate, interpolate, spread, exchange.
+
+mod adjacency;
+mod balance;
+mod boxes;
+mod closest;
+mod coupling;
+mod error;
+mod lattice;
+mod locate;
+mod rendezvous;
+
+pub use balance::FibreLoad;
+pub use coupling::{Coupling, SpreadReport};
+pub use error::CouplingError;

@@ -5,6 +5,7 @@
 
 use fibreflow_parallel::Communicator;
 
+mod coupling;
 mod distribution;
 mod halo;
 pub mod meshes;
@@ -30,6 +31,11 @@ pub const CHECKS: &[(&str, Check)] = &[
     (
         "an_error_on_rank_0_reaches_all",
         distribution::errors_reach_all,
+    ),
+    ("transfer_agrees_on_any_ranks", coupling::ranks_agree),
+    (
+        "crowded_fibres_are_handed_out",
+        coupling::crowded_fibres_are_handed_out,
     ),
 ];
 

@@ -1,0 +1,313 @@
+//! The element that contains a point, on one rank.
+//!
+//! The answer is a function of the point alone, not of how it was found: a point on a face, edge or vertex (to
+//! `INSIDE` in reference coordinates) belongs to the containing element with the smallest index in the whole mesh. So
+//! restarts, walks and searches agree, and so do different numbers of ranks.
+
+use crate::adjacency::{Adjacency, stepped};
+use crate::boxes::{Bins, Bounds};
+use crate::closest;
+use crate::lattice::{Lattice, Shift};
+use fibreflow_mesh::{LocalMesh, shape};
+use nalgebra::Vector3;
+use std::sync::Arc;
+
+/// Tolerance of being inside, in reference coordinates.
+const INSIDE: f64 = 1e-9;
+/// Elements crossed by a walk before the bins are asked.
+const LONGEST_WALK: usize = 16;
+/// Elements around a vertex that are considered.
+const MOST_AROUND: usize = 128;
+
+/// Where a point is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Location {
+    /// Local element, owned by this rank.
+    pub element: u32,
+    /// The point plus this many lattice vectors lies in the element's coordinates.
+    pub shift: Shift,
+    /// Reference coordinates in the element.
+    pub reference: [f64; 3],
+    /// Distance \[m\] of the point from the element, 0 inside.
+    pub distance: f64,
+    /// False when an element of another rank may be the right one.
+    pub certain: bool,
+}
+
+/// A containing element on the way to a [`Location`].
+#[derive(Clone, Copy)]
+struct Candidate {
+    element: usize,
+    shift: Shift,
+    reference: [f64; 3],
+}
+
+impl Location {
+    fn of(candidate: &Candidate, certain: bool) -> Self {
+        Self {
+            element: candidate.element as u32,
+            shift: candidate.shift,
+            reference: candidate.reference,
+            distance: 0.0,
+            certain,
+        }
+    }
+}
+
+/// Finds elements on one rank.
+pub(crate) struct Locator {
+    mesh: Arc<LocalMesh>,
+    adjacency: Adjacency,
+    lattice: Lattice,
+    bins: Bins,
+    /// Faces (element, face) of owned elements behind which there is no owned element.
+    surface: Vec<(u32, u8)>,
+    surface_bins: Bins,
+    /// Bounds of all local elements.
+    bounds: Bounds,
+    owned_bounds: Bounds,
+    /// Typical size of an element \[m\].
+    scale: f64,
+}
+
+impl Locator {
+    /// Collective.
+    pub fn new(mesh: Arc<LocalMesh>, total_volume: f64) -> Self {
+        let adjacency = Adjacency::new(&mesh.elements);
+        let scale = (total_volume / mesh.total_elements.max(1) as f64).cbrt();
+        let vertices = |e: usize| {
+            let x = mesh.elements.coordinates(e, &mesh.nodes, &mesh.periods);
+            (x, mesh.elements.kinds[e])
+        };
+        let mut boxes = Vec::with_capacity(mesh.elements.len());
+        let (mut bounds, mut owned_bounds) = (Bounds::empty(), Bounds::empty());
+        let mut lattice = Lattice::new(&mesh.periods);
+        let mut lowest = Vector3::repeat(f64::INFINITY);
+        let mut surface = Vec::new();
+        let mut surface_boxes = Vec::new();
+        for e in 0..mesh.elements.len() {
+            let (x, kind) = vertices(e);
+            let x = &x[..kind.vertices()];
+            let around = Bounds::around(x);
+            bounds.merge(&around);
+            boxes.push(around.inflated(1e-6 * scale));
+            for &vertex in x {
+                lowest = lowest.inf(&lattice.fractions(&vertex.into()));
+            }
+            if !mesh.owned_elements[e] {
+                continue;
+            }
+            owned_bounds.merge(&around);
+            for (f, neighbour) in adjacency.of(e).iter().enumerate() {
+                if !neighbour.is_some_and(|n| mesh.owned_elements[n.element as usize]) {
+                    surface.push((e as u32, f as u8));
+                    surface_boxes.push(Bounds::around(kind.faces()[f].iter().map(|&v| &x[v])));
+                }
+            }
+        }
+        let communicator = mesh.halo.communicator();
+        lattice.start_at(lowest.map(|f| communicator.min(f)));
+        Self {
+            adjacency,
+            lattice,
+            bins: Bins::new(&boxes),
+            surface_bins: Bins::new(&surface_boxes),
+            surface,
+            bounds: bounds.inflated(1e-6 * scale),
+            owned_bounds,
+            scale,
+            mesh,
+        }
+    }
+
+    pub fn lattice(&self) -> &Lattice {
+        &self.lattice
+    }
+
+    /// Bounds of the elements this rank owns.
+    pub fn owned_bounds(&self) -> &Bounds {
+        &self.owned_bounds
+    }
+
+    /// Typical size of an element \[m\].
+    pub fn scale(&self) -> f64 {
+        self.scale
+    }
+
+    /// The owned element that contains the point or, failing that, the nearest one. None without owned elements.
+    pub fn find(&self, point: &Vector3<f64>, hint: Option<(u32, Shift)>) -> Option<Location> {
+        hint.and_then(|(element, shift)| self.walk(point, element as usize, shift))
+            .or_else(|| self.search(point))
+            .and_then(|start| self.canonical(point, start))
+            .or_else(|| self.nearest(point))
+    }
+
+    /// Vertex coordinates of a local element.
+    pub fn coordinates(&self, element: usize) -> [[f64; 3]; 8] {
+        let mesh = &self.mesh;
+        mesh.elements
+            .coordinates(element, &mesh.nodes, &mesh.periods)
+    }
+
+    fn contained(&self, point: &Vector3<f64>, element: usize, shift: Shift) -> Option<Candidate> {
+        let kind = self.mesh.elements.kinds[element];
+        let x = self.lattice.image(point, shift);
+        let reference = shape::locate(kind, &self.coordinates(element), x.into())?;
+        shape::inside(kind, reference, INSIDE).then_some(Candidate {
+            element,
+            shift,
+            reference,
+        })
+    }
+
+    /// From element to element through the face that the point lies farthest behind.
+    fn walk(&self, point: &Vector3<f64>, element: usize, shift: Shift) -> Option<Candidate> {
+        if element >= self.mesh.elements.len() {
+            return None;
+        }
+        let (mut element, mut shift) = (element, shift);
+        for _ in 0..LONGEST_WALK {
+            let found = self.contained(point, element, shift);
+            if found.is_some() {
+                return found;
+            }
+            let face = self.exit(&self.lattice.image(point, shift), element)?;
+            let next = self.adjacency.of(element)[face]?;
+            (element, shift) = (next.element as usize, stepped(shift, next.shift));
+        }
+        None
+    }
+
+    /// The face that a point lies farthest behind.
+    fn exit(&self, x: &Vector3<f64>, element: usize) -> Option<usize> {
+        let kind = self.mesh.elements.kinds[element];
+        let coordinates = self.coordinates(element).map(Vector3::from);
+        let behind = |vertices: &[usize]| {
+            let v = |k: usize| coordinates[vertices[k]];
+            let last = vertices.len() - 1;
+            let normal = if last == 2 {
+                (v(1) - v(0)).cross(&(v(2) - v(0)))
+            } else {
+                (v(2) - v(0)).cross(&(v(3) - v(1)))
+            };
+            let centre = vertices
+                .iter()
+                .map(|&k| coordinates[k])
+                .sum::<Vector3<f64>>()
+                / vertices.len() as f64;
+            (x - centre).dot(&normal) / normal.norm()
+        };
+        let faces = kind.faces().iter().enumerate();
+        faces
+            .map(|(f, vertices)| (f, behind(vertices)))
+            .max_by(|a, b| a.1.total_cmp(&b.1))
+            .filter(|&(_, distance)| distance > 0.0)
+            .map(|(f, _)| f)
+    }
+
+    /// Any local element that contains the point, by bins.
+    fn search(&self, point: &Vector3<f64>) -> Option<Candidate> {
+        self.lattice.images(point).find_map(|shift| {
+            let x = self.lattice.image(point, shift);
+            if !self.bounds.contains(&x) {
+                return None;
+            }
+            let listed = self.bins.at(&x).iter();
+            listed
+                .filter_map(|&e| self.contained(point, e as usize, shift))
+                .next()
+        })
+    }
+
+    /// Among all elements that contain the point, the owned one with the smallest index in the whole mesh.
+    fn canonical(&self, point: &Vector3<f64>, start: Candidate) -> Option<Location> {
+        let mesh = &self.mesh;
+        if shape::inside(mesh.elements.kinds[start.element], start.reference, -INSIDE) {
+            return mesh.owned_elements[start.element].then(|| Location::of(&start, true));
+        }
+        let mut around = self.around(point, start);
+        around.sort_by_key(|c| (mesh.global_elements[c.element], c.shift));
+        let best = around.iter().position(|c| mesh.owned_elements[c.element])?;
+        let nodes = mesh.elements.nodes(around[best].element);
+        // With all its nodes owned, every element that touches it is here.
+        let all_known = nodes.iter().all(|&n| (n as usize) < mesh.owned());
+        Some(Location::of(&around[best], best == 0 && all_known))
+    }
+
+    /// All local elements that contain the point, joined by faces.
+    fn around(&self, point: &Vector3<f64>, start: Candidate) -> Vec<Candidate> {
+        let mut found = vec![start];
+        let mut next = 0;
+        while next < found.len() && found.len() < MOST_AROUND {
+            let from = found[next];
+            for neighbour in self.adjacency.of(from.element).iter().flatten() {
+                let (element, shift) = (
+                    neighbour.element as usize,
+                    stepped(from.shift, neighbour.shift),
+                );
+                let known = |c: &Candidate| c.element == element && c.shift == shift;
+                if !found.iter().any(known) {
+                    found.extend(self.contained(point, element, shift));
+                }
+            }
+            next += 1;
+        }
+        found
+    }
+
+    /// The nearest owned element to a point that is in none.
+    fn nearest(&self, point: &Vector3<f64>) -> Option<Location> {
+        let mut images: Vec<(f64, Shift)> = self
+            .lattice
+            .images(point)
+            .map(|shift| {
+                (
+                    self.owned_bounds
+                        .distance(&self.lattice.image(point, shift)),
+                    shift,
+                )
+            })
+            .collect();
+        images.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut best: Option<(f64, u32, Shift, Vector3<f64>)> = None;
+        for (bound, shift) in images {
+            let mut reach = best.map_or(f64::INFINITY, |b| b.0);
+            if bound > reach {
+                break;
+            }
+            let x = self.lattice.image(point, shift);
+            self.surface_bins.outwards(&x, |item| {
+                let (element, face) = self.surface[item as usize];
+                let closest = self.closest(&x, element as usize, face as usize);
+                let distance = (closest - x).norm();
+                if distance < reach {
+                    reach = distance;
+                    best = Some((distance, element, shift, closest));
+                }
+                reach
+            });
+        }
+        let (distance, element, shift, closest) = best?;
+        let kind = self.mesh.elements.kinds[element as usize];
+        let coordinates = self.coordinates(element as usize);
+        let reference = shape::locate(kind, &coordinates, closest.into())
+            .map_or_else(|| shape::centre(kind), |r| closest::in_reference(kind, r));
+        Some(Location {
+            element,
+            shift,
+            reference,
+            distance,
+            certain: false,
+        })
+    }
+
+    fn closest(&self, x: &Vector3<f64>, element: usize, face: usize) -> Vector3<f64> {
+        let vertices = self.mesh.elements.kinds[element].faces()[face];
+        let coordinates = self.coordinates(element);
+        let mut corners = [Vector3::zeros(); 4];
+        for (corner, &v) in corners.iter_mut().zip(vertices) {
+            *corner = coordinates[v].into();
+        }
+        closest::on_face(x, &corners[..vertices.len()])
+    }
+}
