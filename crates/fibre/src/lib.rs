@@ -5,17 +5,20 @@
 //! of a sub-cycled drift–kick–drift integrator; the flow acts through the laws of [`hydrodynamics`].
 
 pub mod beam;
+pub mod contact;
 pub mod hydrodynamics;
 
 mod error;
 mod integrate;
 mod observe;
+mod periodic;
 mod points;
 mod shape;
 mod system;
 
 pub use error::FibreError;
 pub use observe::Energy;
+pub use periodic::PeriodicBox;
 pub use points::{Ambient, Reaction};
 pub use shape::{Equilibrium, Fibre, Material, Support};
 pub use system::{FibreSettings, FibreSystem};

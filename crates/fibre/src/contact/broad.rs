@@ -1,0 +1,219 @@
+//! Broad phase: pairs of segments near each other, found by rendezvous at the home ranks of cells.
+
+use crate::contact::closest::closest_points;
+use crate::contact::grid::{CellGrid, Cover, mix};
+use crate::contact::{ContactError, SEGMENT_BITS, Segments};
+use crate::{PeriodicBox, Vector3};
+use bytemuck::{Pod, Zeroable};
+use fibreflow_parallel::Communicator;
+use rayon::prelude::*;
+use std::f64::consts::FRAC_PI_2;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Two segments that can touch before the next search.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub(super) struct Found {
+    /// Global ids, a < b.
+    pub ids: [u64; 2],
+    /// Their owners.
+    pub owner: [u32; 2],
+    /// Their local indices on the owners.
+    pub index: [u32; 2],
+}
+
+/// What a search found for this rank.
+pub(super) struct Search {
+    /// Pairs with at least one segment of this rank, in ascending order of the ids.
+    pub pairs: Vec<Found>,
+    /// Pairs that shared a cell on this rank: the work done.
+    pub tests: usize,
+}
+
+/// A segment as the home rank of a cell sees it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Entry {
+    id: u64,
+    start: [f64; 3],
+    end: [f64; 3],
+    radius: f64,
+    owner: u32,
+    index: u32,
+}
+
+impl Entry {
+    fn ends(&self) -> [Vector3; 2] {
+        [self.start.into(), self.end.into()]
+    }
+}
+
+/// All pairs with a gap below `skin`, apart from neighbours in a fibre. Collective.
+///
+/// Each rank sends a segment once to every rank that is home to a cell it covers; a pair is found in the one cell
+/// that both agree on and reported to the owners of its two segments.
+pub(super) fn search(
+    communicator: &Communicator,
+    segments: &Segments<'_>,
+    periodic: &PeriodicBox,
+    skin: f64,
+) -> Result<Search, ContactError> {
+    let reach = longest_reach(communicator, segments)? + skin;
+    for (axis, length) in ['x', 'y', 'z'].into_iter().zip(periodic.lengths) {
+        if let Some(length) = length
+            && length < 2.0 * reach
+        {
+            return Err(ContactError::PeriodicTooShort {
+                axis,
+                length,
+                reach,
+            });
+        }
+    }
+    let ranks = communicator.size();
+    let home = |key: u64| (mix(key) % ranks as u64) as usize;
+    let grid = CellGrid::new(periodic, reach);
+    let cover = |entry: &Entry| grid.cover(&entry.ends(), entry.radius + 0.5 * skin);
+    let received = communicator.exchange(addressed(communicator, segments, cover, home));
+    let entries: Vec<Entry> = received.into_iter().flatten().collect();
+    let covers: Vec<Cover> = entries.par_iter().map(cover).collect();
+    let mut cells: Vec<(u64, u32)> = Vec::with_capacity(2 * entries.len());
+    for (i, cover) in covers.iter().enumerate() {
+        let here = cover.keys().filter(|&key| home(key) == communicator.rank());
+        cells.extend(here.map(|key| (key, i as u32)));
+    }
+    cells.par_sort_unstable();
+
+    let tests = AtomicUsize::new(0);
+    let near = |key: u64, first: u32, second: u32| {
+        let (i, j) = (first as usize, second as usize);
+        let (a, b) = if entries[i].id < entries[j].id {
+            (&entries[i], &entries[j])
+        } else {
+            (&entries[j], &entries[i])
+        };
+        let unique = covers[i].common(&covers[j]) == Some(key);
+        (unique && touches(a, b, periodic, skin)).then_some(Found {
+            ids: [a.id, b.id],
+            owner: [a.owner, b.owner],
+            index: [a.index, b.index],
+        })
+    };
+    let found: Vec<Found> = cells
+        .par_chunk_by(|x, y| x.0 == y.0)
+        .flat_map_iter(|cell| {
+            tests.fetch_add(cell.len() * (cell.len() - 1) / 2, Ordering::Relaxed);
+            cell.iter().enumerate().flat_map(move |(n, &(key, first))| {
+                let later = cell[n + 1..].iter();
+                later.filter_map(move |&(_, second)| near(key, first, second))
+            })
+        })
+        .collect();
+
+    let mut reports = vec![Vec::new(); ranks];
+    for pair in found {
+        reports[pair.owner[0] as usize].push(pair);
+        if pair.owner[1] != pair.owner[0] {
+            reports[pair.owner[1] as usize].push(pair);
+        }
+    }
+    let mut pairs: Vec<Found> = communicator
+        .exchange(reports)
+        .into_iter()
+        .flatten()
+        .collect();
+    pairs.par_sort_unstable_by_key(|pair| pair.ids);
+    Ok(Search {
+        pairs,
+        tests: tests.into_inner(),
+    })
+}
+
+/// Longest axis plus two radii over all ranks \[m\].
+fn longest_reach(
+    communicator: &Communicator,
+    segments: &Segments<'_>,
+) -> Result<f64, ContactError> {
+    let ends = segments.start.iter().zip(segments.end);
+    let reach = ends
+        .zip(segments.radius)
+        .map(|((start, end), radius)| (end - start).norm() + 2.0 * radius)
+        .fold(0.0, |longest: f64, x| {
+            if x.is_nan() || longest.is_nan() {
+                f64::NAN
+            } else {
+                longest.max(x)
+            }
+        });
+    let reach = communicator.max(reach);
+    reach
+        .is_finite()
+        .then_some(reach)
+        .ok_or(ContactError::NonFinite)
+}
+
+/// The segments each home rank needs.
+fn addressed(
+    communicator: &Communicator,
+    segments: &Segments<'_>,
+    cover: impl Fn(&Entry) -> Cover,
+    home: impl Fn(u64) -> usize,
+) -> Vec<Vec<Entry>> {
+    let mut outgoing = vec![Vec::new(); communicator.size()];
+    let mut homes = Vec::with_capacity(8);
+    for (index, &id) in segments.ids.iter().enumerate() {
+        let entry = Entry {
+            id,
+            start: segments.start[index].into(),
+            end: segments.end[index].into(),
+            radius: segments.radius[index],
+            owner: communicator.rank() as u32,
+            index: index as u32,
+        };
+        homes.clear();
+        homes.extend(cover(&entry).keys().map(&home));
+        homes.sort_unstable();
+        homes.dedup();
+        homes.iter().for_each(|&rank| outgoing[rank].push(entry));
+    }
+    outgoing
+}
+
+fn touches(a: &Entry, b: &Entry, periodic: &PeriodicBox, skin: f64) -> bool {
+    if neighbours(a, b) {
+        return false;
+    }
+    let (ends_a, mut ends_b) = (a.ends(), b.ends());
+    let shift = image_shift(periodic, &ends_a, &ends_b);
+    ends_b.iter_mut().for_each(|end| *end -= shift);
+    let reach = a.radius + b.radius + skin;
+    let apart = (0..3).any(|axis| {
+        let (low_a, high_a) = sorted(ends_a[0][axis], ends_a[1][axis]);
+        let (low_b, high_b) = sorted(ends_b[0][axis], ends_b[1][axis]);
+        low_b - high_a > reach || low_a - high_b > reach
+    });
+    !apart && closest_points(&ends_a, &ends_b).distance < reach
+}
+
+/// What to subtract from b to bring its middle next to a's middle.
+pub(super) fn image_shift(periodic: &PeriodicBox, a: &[Vector3; 2], b: &[Vector3; 2]) -> Vector3 {
+    periodic.nearest_period(&(0.5 * ((b[0] - a[0]) + (b[1] - a[1]))))
+}
+
+fn sorted(x: f64, y: f64) -> (f64, f64) {
+    if x < y { (x, y) } else { (y, x) }
+}
+
+/// Segments so close along one fibre that they overlap by construction: adjacent ones, and those nearer along the
+/// fibre than π times its radius, the shortest way in which a fibre can fold back onto itself.
+fn neighbours(a: &Entry, b: &Entry) -> bool {
+    if a.id >> SEGMENT_BITS != b.id >> SEGMENT_BITS {
+        return false;
+    }
+    let between = (b.id - a.id).saturating_sub(1) as f64;
+    let length = |e: &Entry| (e.ends()[1] - e.ends()[0]).norm();
+    between == 0.0 || between * length(a).min(length(b)) < FRAC_PI_2 * (a.radius + b.radius)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,150 @@
+//! Closest points of two straight axes, exact and as a contact point that moves continuously.
+
+use crate::Vector3;
+
+/// Below this sin² of the enclosed angle two axes count as parallel: their distance along the overlap then varies
+/// by less than round-off.
+const PARALLEL: f64 = 1e-16;
+/// An axis shorter than this fraction of the pair's extent is a point.
+const POINT: f64 = 1e-15;
+
+/// Points A(s) = a₀ + s(a₁ − a₀) and B(t) = b₀ + t(b₁ − b₀) on two axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClosestPoints {
+    /// Position on a, 0 to 1.
+    pub s: f64,
+    /// Position on b, 0 to 1.
+    pub t: f64,
+    /// B(t) − A(s) \[m\].
+    pub separation: Vector3,
+    /// |B(t) − A(s)| \[m\].
+    pub distance: f64,
+}
+
+/// The closest points of two axes (K 3.21; K 3.23 lacks the squares and the clamping).
+///
+/// Where parallel axes run side by side, the centre of the common part; a zero-length axis answers 0.5.
+pub fn closest_points(a: &[Vector3; 2], b: &[Vector3; 2]) -> ClosestPoints {
+    Axes::new(a, b).minimise(0.0)
+}
+
+/// The contact point of two capsules whose radii add up to `reach`; `None` when they do not overlap.
+///
+/// Closest points jump from end to end when axes turn through the parallel. Here they minimise
+/// |A − B|² + ε²(|p|²(s − m)² + |q|²(t − n)²), with (m, n) the centre of the common part, which is strictly convex:
+/// the answer is a continuous function of the four ends. ε² = δ·reach/ℓ² spreads the jump over the tilts at which
+/// the overlap δ of the deepest point still reaches over the length ℓ, and vanishes with δ.
+pub fn contact_points(a: &[Vector3; 2], b: &[Vector3; 2], reach: f64) -> Option<ClosestPoints> {
+    let axes = Axes::new(a, b);
+    let exact = axes.minimise(0.0);
+    let overlap = reach - exact.distance;
+    if overlap.is_nan() || overlap <= 0.0 {
+        return None;
+    }
+    let longest = axes.pp.max(axes.qq);
+    if longest == 0.0 {
+        return Some(exact);
+    }
+    let points = axes.minimise(overlap * reach / longest);
+    (points.distance < reach).then_some(points)
+}
+
+/// Two axes a₀ + s p and b₀ + t q.
+struct Axes {
+    /// a₀ − b₀.
+    offset: Vector3,
+    p: Vector3,
+    q: Vector3,
+    pp: f64,
+    qq: f64,
+    pq: f64,
+    /// Centre of the common part, on each axis.
+    centre: [f64; 2],
+}
+
+impl Axes {
+    fn new(a: &[Vector3; 2], b: &[Vector3; 2]) -> Self {
+        let (offset, p, q) = (a[0] - b[0], a[1] - a[0], b[1] - b[0]);
+        let extent = p.norm_squared() + q.norm_squared() + offset.norm_squared();
+        let span = |v: &Vector3| {
+            let square = v.norm_squared();
+            if square > POINT * POINT * extent {
+                square
+            } else {
+                0.0
+            }
+        };
+        let (pp, qq) = (span(&p), span(&q));
+        let common = |square: f64, along: &Vector3, first: Vector3, last: Vector3| {
+            let place = |x: Vector3| (along.dot(&x) / square).clamp(0.0, 1.0);
+            if square == 0.0 {
+                0.5
+            } else {
+                0.5 * (place(first) + place(last))
+            }
+        };
+        let centre = [
+            common(pp, &p, -offset, q - offset),
+            common(qq, &q, offset, p + offset),
+        ];
+        let pq = p.dot(&q);
+        Self {
+            offset,
+            p,
+            q,
+            pp,
+            qq,
+            pq,
+            centre,
+        }
+    }
+
+    /// Minimiser over the unit square of |A − B|² + ε²(|p|²(s − m)² + |q|²(t − n)²).
+    fn minimise(&self, epsilon_squared: f64) -> ClosestPoints {
+        let [m, n] = self.centre;
+        let (pp, qq) = (
+            self.pp * (1.0 + epsilon_squared),
+            self.qq * (1.0 + epsilon_squared),
+        );
+        let f = epsilon_squared * self.pp * m - self.p.dot(&self.offset);
+        let g = epsilon_squared * self.qq * n + self.q.dot(&self.offset);
+        let best_s = |t: f64| {
+            if pp > 0.0 {
+                ((t * self.pq + f) / pp).clamp(0.0, 1.0)
+            } else {
+                m
+            }
+        };
+        let best_t = |s: f64| {
+            if qq > 0.0 { (s * self.pq + g) / qq } else { n }
+        };
+        // |p × q|² instead of |p|²|q|² − (p·q)² keeps its digits near the parallel.
+        let determinant = self.p.cross(&self.q).norm_squared()
+            + self.pp * self.qq * epsilon_squared * (2.0 + epsilon_squared);
+        let s = if self.pp * self.qq > 0.0 && determinant > PARALLEL * self.pp * self.qq {
+            ((f * qq + self.pq * g) / determinant).clamp(0.0, 1.0)
+        } else if self.qq == 0.0 {
+            best_s(n)
+        } else {
+            m
+        };
+        // The minimum over the strip 0 ≤ s ≤ 1; when its t leaves the square, convexity puts the answer on that edge.
+        let t = best_t(s);
+        let (s, t) = if (0.0..=1.0).contains(&t) {
+            (s, t)
+        } else {
+            let t = t.clamp(0.0, 1.0);
+            (best_s(t), t)
+        };
+        let separation = t * self.q - s * self.p - self.offset;
+        ClosestPoints {
+            s,
+            t,
+            separation,
+            distance: separation.norm(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

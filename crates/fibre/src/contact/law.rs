@@ -1,0 +1,254 @@
+//! Linear spring, viscous damping and Coulomb friction of one contact.
+
+use crate::Vector3;
+use crate::contact::{ContactError, ContactSettings, NormalDamping};
+use nalgebra::Rotation3;
+
+/// The constants of the contact law.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Law {
+    /// k_n \[N/m\].
+    pub stiffness: f64,
+    /// k_t \[N/m\].
+    pub tangential_stiffness: f64,
+    /// ζ of the normal oscillator.
+    pub damping_ratio: f64,
+    /// Coulomb coefficient μ.
+    pub friction: f64,
+}
+
+/// One contact, seen from a.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Touch {
+    /// Unit vector from a to b.
+    pub normal: Vector3,
+    /// δ > 0 \[m\].
+    pub overlap: f64,
+    /// Velocity of a relative to b at the contact point \[m/s\].
+    pub velocity: Vector3,
+    /// Mean angular velocity of the two bodies \[rad/s\].
+    pub spin: Vector3,
+    /// Effective mass of the pair at the contact point \[kg\].
+    pub mass: f64,
+    /// Share of the stiffnesses that this contact carries.
+    pub share: f64,
+}
+
+/// What a contact does in one step.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Response {
+    /// Force on a \[N\]; b feels the opposite.
+    pub force: Vector3,
+    /// Energy in the normal and the tangential spring \[J\].
+    pub stored: f64,
+    /// Energy lost in this step \[J\].
+    pub dissipated: f64,
+}
+
+impl Law {
+    /// Checks the settings and derives the constants.
+    pub fn new(settings: &ContactSettings) -> Result<Self, ContactError> {
+        let check = |good: bool, name: &'static str, value: f64, valid: &'static str| {
+            let error = ContactError::Setting { name, value, valid };
+            if good { Ok(()) } else { Err(error) }
+        };
+        let ContactSettings {
+            normal_stiffness: stiffness,
+            friction,
+            tangential_ratio: ratio,
+            skin,
+            ..
+        } = *settings;
+        let finite = |x: f64| x.is_finite();
+        check(
+            finite(stiffness) && stiffness > 0.0,
+            "normal_stiffness",
+            stiffness,
+            "a positive number of N/m",
+        )?;
+        check(
+            finite(friction) && friction >= 0.0,
+            "friction",
+            friction,
+            "zero or a positive number",
+        )?;
+        check(
+            finite(ratio) && ratio > 0.0,
+            "tangential_ratio",
+            ratio,
+            "a positive number, usually 2/7 to 1",
+        )?;
+        check(
+            finite(skin) && skin > 0.0,
+            "skin",
+            skin,
+            "a positive length in m",
+        )?;
+        let damping_ratio = match settings.damping {
+            NormalDamping::Restitution(e) => {
+                check(
+                    (0.05..=1.0).contains(&e),
+                    "restitution",
+                    e,
+                    "between 0.05 and 1",
+                )?;
+                ratio_for_restitution(e)
+            }
+            NormalDamping::Ratio(zeta) => {
+                check(
+                    (0.0..=5.0).contains(&zeta),
+                    "damping ratio",
+                    zeta,
+                    "between 0 and 5",
+                )?;
+                zeta
+            }
+        };
+        Ok(Self {
+            stiffness,
+            tangential_stiffness: ratio * stiffness,
+            damping_ratio,
+            friction,
+        })
+    }
+
+    /// Force of a contact and the friction spring after a step `dt`.
+    ///
+    /// Normal: F_n = max(0, k_n δ + c v·n) (K 3.28 with c = 2ζ√(k_n m)). Tangential (Cundall & Strack 1979): the
+    /// spring turns with the contact, grows by v_t dt (K 3.31) and is cut to |F_t| ≤ μ F_n.
+    pub fn respond(&self, touch: &Touch, spring: &mut Vector3, dt: f64) -> Response {
+        let normal = &touch.normal;
+        let stiffness = touch.share * self.stiffness;
+        let damping = 2.0 * self.damping_ratio * (stiffness * touch.mass).sqrt();
+        let approach = touch.velocity.dot(normal);
+        let elastic = stiffness * touch.overlap;
+        let pressed = (elastic + damping * approach).max(0.0);
+        let mut response = Response {
+            force: -pressed * normal,
+            stored: 0.5 * elastic * touch.overlap,
+            dissipated: (pressed - elastic) * approach * dt,
+        };
+        if self.friction > 0.0 {
+            let slip = touch.velocity - approach * normal;
+            let stiffness = touch.share * self.tangential_stiffness;
+            let damping = 2.0 * self.damping_ratio * (stiffness * touch.mass).sqrt();
+            let before = 0.5 * stiffness * spring.norm_squared();
+            *spring = turned(spring, normal, touch.spin.dot(normal) * dt) + slip * dt;
+            let mut force = -stiffness * *spring - damping * slip;
+            let limit = self.friction * pressed;
+            let size = force.norm();
+            if size > limit {
+                force *= limit / size;
+                *spring = -(force + damping * slip) / stiffness;
+            }
+            let after = 0.5 * stiffness * spring.norm_squared();
+            response.force += force;
+            response.stored += after;
+            response.dissipated += before - after - force.dot(&slip) * dt;
+        }
+        response
+    }
+}
+
+/// The spring in the current tangent plane: its length is kept, and it turns with the bodies about the normal.
+fn turned(spring: &Vector3, normal: &Vector3, angle: f64) -> Vector3 {
+    let flat = spring - normal * normal.dot(spring);
+    let (length, size) = (spring.norm(), flat.norm());
+    if size <= 1e-12 * length || length == 0.0 {
+        return Vector3::zeros();
+    }
+    Rotation3::new(normal * angle) * (flat * (length / size))
+}
+
+/// Restitution of a linear spring and dashpot that part when their force vanishes (Schwager & Pöschel 2007):
+/// e = exp(−2ζ arccos(ζ)/√(1 − ζ²)).
+fn restitution(zeta: f64) -> f64 {
+    let angle_over_sine = if (zeta - 1.0).abs() < 1e-6 {
+        1.0
+    } else if zeta < 1.0 {
+        zeta.acos() / (1.0 - zeta * zeta).sqrt()
+    } else {
+        zeta.acosh() / (zeta * zeta - 1.0).sqrt()
+    };
+    (-2.0 * zeta * angle_over_sine).exp()
+}
+
+fn ratio_for_restitution(e: f64) -> f64 {
+    let (mut low, mut high) = (0.0, 5.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if restitution(middle) > e {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    0.5 * (low + high)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn law(friction: f64, damping_ratio: f64) -> Law {
+        Law {
+            stiffness: 100.0,
+            tangential_stiffness: 50.0,
+            damping_ratio,
+            friction,
+        }
+    }
+
+    fn touch(velocity: Vector3) -> Touch {
+        Touch {
+            normal: Vector3::z(),
+            overlap: 0.01,
+            velocity,
+            spin: Vector3::zeros(),
+            mass: 1.0,
+            share: 1.0,
+        }
+    }
+
+    #[test]
+    fn the_damping_ratio_gives_the_restitution_asked_for() {
+        for e in [0.05, 0.1353, 0.2, 0.5, 0.9, 0.999] {
+            assert!((restitution(ratio_for_restitution(e)) - e).abs() < 1e-9);
+        }
+        assert!(ratio_for_restitution(1.0) < 1e-12);
+    }
+
+    #[test]
+    fn friction_is_elastic_below_the_cone_and_sliding_on_it() {
+        let law = law(0.3, 0.0);
+        let mut spring = Vector3::zeros();
+        let stick = law.respond(&touch(Vector3::x()), &mut spring, 1e-3);
+        assert!((stick.force - Vector3::new(-0.05, 0.0, -1.0)).norm() < 1e-14);
+        for _ in 0..100 {
+            law.respond(&touch(Vector3::x()), &mut spring, 1e-3);
+        }
+        let slide = law.respond(&touch(Vector3::x()), &mut spring, 1e-3);
+        assert!((slide.force - Vector3::new(-0.3, 0.0, -1.0)).norm() < 1e-14);
+        assert!((slide.dissipated - 0.3e-3).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_parting_contact_does_not_pull() {
+        let law = law(0.3, 1.0);
+        let mut spring = Vector3::new(1e-3, 0.0, 0.0);
+        let response = law.respond(&touch(-10.0 * Vector3::z()), &mut spring, 1e-3);
+        assert_eq!(response.force.norm(), 0.0);
+        assert_eq!(spring.norm(), 0.0);
+    }
+
+    #[test]
+    fn the_spring_turns_with_the_normal_and_keeps_its_length() {
+        let spring = Vector3::new(2.0, 0.0, 0.0);
+        let tilted = Vector3::new(0.6, 0.0, 0.8);
+        let turned = turned(&spring, &tilted, 0.0);
+        assert!(turned.dot(&tilted).abs() < 1e-15);
+        assert!((turned.norm() - 2.0).abs() < 1e-15);
+        let quarter: Vector3 = super::turned(&spring, &Vector3::z(), std::f64::consts::FRAC_PI_2);
+        assert!((quarter - Vector3::y() * 2.0).norm() < 1e-15);
+    }
+}

@@ -1,0 +1,132 @@
+//! Contacts between fibre segments, and between segments and walls.
+//!
+//! A segment is a spherocylinder: an axis between two end nodes and a radius. [`ContactSystem`] finds the pairs that
+//! can touch with a distributed cell list ([`ContactSystem::update`]) and adds their forces
+//! ([`ContactSystem::forces`]). Every pair is computed in the order a < b of the global segment ids by each rank that
+//! owns one of the two, from identical numbers, so that both apply exactly opposite forces and the result does not
+//! depend on the number of ranks.
+
+mod broad;
+mod closest;
+mod grid;
+mod law;
+mod springs;
+mod system;
+mod wall;
+
+pub use closest::{ClosestPoints, closest_points, contact_points};
+pub use springs::FrictionRecord;
+pub use system::{ContactStatistics, ContactSystem};
+pub use wall::Wall;
+
+use crate::{PeriodicBox, Vector3};
+
+/// Bits of a segment id that count the segments of one fibre: id = fibre << 20 | index in the fibre.
+pub const SEGMENT_BITS: u32 = 20;
+
+/// What contacts are made of.
+#[derive(Clone, Debug)]
+pub struct ContactSettings {
+    /// k_n of two touching segments \[N/m\].
+    pub normal_stiffness: f64,
+    /// Loss in the normal direction.
+    pub damping: NormalDamping,
+    /// Coulomb coefficient μ; 0 switches friction off.
+    pub friction: f64,
+    /// k_t / k_n (α of K 3.30b).
+    pub tangential_ratio: f64,
+    /// Pairs nearer than this beyond touching are kept until an end has moved by half of it \[m\].
+    pub skin: f64,
+    /// Planes that hold the fibres.
+    pub walls: Vec<Wall>,
+    /// Directions in which the domain repeats.
+    pub periodic: PeriodicBox,
+}
+
+/// How a contact loses energy in the normal direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum NormalDamping {
+    /// Coefficient of restitution e of a head-on collision, 0.05 to 1.
+    Restitution(f64),
+    /// Damping ratio ζ of the contact oscillator, 0 to 5.
+    Ratio(f64),
+}
+
+/// The segments a rank owns, in ascending order of their ids; every slice has one entry a segment.
+#[derive(Clone, Copy, Debug)]
+pub struct Segments<'a> {
+    /// Global ids: fibre << 20 | index in the fibre.
+    pub ids: &'a [u64],
+    /// First end of the axis, not wrapped into a periodic box \[m\].
+    pub start: &'a [Vector3],
+    /// Second end of the axis \[m\].
+    pub end: &'a [Vector3],
+    /// Velocity of the first end \[m/s\].
+    pub start_velocity: &'a [Vector3],
+    /// Velocity of the second end \[m/s\].
+    pub end_velocity: &'a [Vector3],
+    /// Angular velocity of the segment's surface about its axis point \[rad/s\].
+    pub angular_velocity: &'a [Vector3],
+    /// Radius \[m\].
+    pub radius: &'a [f64],
+    /// Mass \[kg\].
+    pub mass: &'a [f64],
+}
+
+/// Contact load on a segment; [`ContactSystem::forces`] adds to it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SegmentLoad {
+    /// Force on the first end \[N\].
+    pub start_force: Vector3,
+    /// Force on the second end \[N\].
+    pub end_force: Vector3,
+    /// Torque about the axis point that is nearest to the contact \[N·m\].
+    pub torque: Vector3,
+}
+
+impl SegmentLoad {
+    /// Adds a force that acts at the lever `arm` from the axis point `s` (0 at the first end, 1 at the second).
+    fn add(&mut self, force: &Vector3, s: f64, arm: &Vector3) {
+        self.start_force += force * (1.0 - s);
+        self.end_force += force * s;
+        self.torque += arm.cross(force);
+    }
+}
+
+/// Why contacts cannot be computed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ContactError {
+    /// A constant is out of range.
+    #[error("contact {name} is {value}, but must be {valid}")]
+    Setting {
+        /// Name of the constant.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// What would be valid.
+        valid: &'static str,
+    },
+    /// A wall without a usable normal.
+    #[error("wall {index}: {reason}")]
+    Wall {
+        /// Position in the list of walls.
+        index: usize,
+        /// What is wrong.
+        reason: &'static str,
+    },
+    /// A segment could touch two images of another one.
+    #[error(
+        "the periodic box is {length} m long along {axis}; contacts of segments that reach {reach} m need at least twice that (use shorter segments or a longer box)"
+    )]
+    PeriodicTooShort {
+        /// x, y or z.
+        axis: char,
+        /// Length of the box \[m\].
+        length: f64,
+        /// Longest segment with its two caps and the skin \[m\].
+        reach: f64,
+    },
+    /// A segment has an end or a radius that is not finite.
+    #[error("a segment's position or radius is not finite")]
+    NonFinite,
+}
