@@ -9,7 +9,9 @@ mod error;
 mod lattice;
 mod locate;
 mod rendezvous;
+mod spread;
 
 pub use balance::FibreLoad;
-pub use coupling::{Coupling, SpreadReport};
+pub use coupling::Coupling;
 pub use error::CouplingError;
+pub use spread::SpreadReport;

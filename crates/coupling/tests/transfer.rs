@@ -31,6 +31,17 @@ struct Case {
 
 impl Case {
     fn new(element: BoxElement, cells: [usize; 3], periodic: [bool; 3], jitter: f64) -> Self {
+        Self::sheared(element, cells, periodic, jitter, 0.0)
+    }
+
+    /// With x moved by `shear` × z: the lattice is then not rectangular.
+    fn sheared(
+        element: BoxElement,
+        cells: [usize; 3],
+        periodic: [bool; 3],
+        jitter: f64,
+        shear: f64,
+    ) -> Self {
         let [x, y, z] = cells;
         // All four kinds need five cells along x.
         let x = if element == BoxElement::Mixed {
@@ -52,7 +63,11 @@ impl Case {
             jitter,
             seed: 5,
         };
-        let mesh = mesh.build().expect("box mesh");
+        let mut mesh = mesh.build().expect("box mesh");
+        let vectors = &mut mesh.periods.vectors;
+        for x in mesh.nodes.iter_mut().chain(vectors) {
+            x[0] += shear * x[2];
+        }
         let mesh = Arc::new(distribute(&Communicator::single(), Some(mesh)).expect("one rank"));
         let geometry = Arc::new(geometry::dual(&mesh).expect("geometry"));
         let coupling = Self::couple(&mesh, &geometry, vec![false; mesh.owned()]);
@@ -146,7 +161,7 @@ fn images_of_a_point_see_the_same_flow() {
     let slope = Vector3::new(1.0, -2.0, 0.5);
     for element in KINDS {
         for cells in [[4, 5, 3], [2, 3, 1], [1, 2, 2]] {
-            let mut case = Case::new(element, cells, [true, false, true], 0.2);
+            let mut case = Case::sheared(element, cells, [true, false, true], 0.2, 0.7);
             let velocity = case.field(|x| x.y * slope);
             let points = case.points(200, [7.0, 1.0, 7.0]);
             let ambient = case.sample(&velocity, &points);

@@ -95,7 +95,10 @@ pub fn ranks_agree(communicator: &Communicator) -> Outcome {
         let mut points: Vec<V3> = (0..POINTS)
             .map(|k| match k % 8 {
                 0 => alone.mesh.nodes[k / 2].into(),
-                1 => 0.5 * (V3::from(alone.mesh.nodes[k / 2]) + V3::from(alone.mesh.nodes[k / 2 + 1])),
+                1 => {
+                    0.5 * (V3::from(alone.mesh.nodes[k / 2])
+                        + V3::from(alone.mesh.nodes[k / 2 + 1]))
+                }
                 _ => V3::repeat(0.5) + 0.5 * random(),
             })
             .collect();
