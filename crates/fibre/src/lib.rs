@@ -7,6 +7,7 @@
 pub mod beam;
 pub mod contact;
 pub mod hydrodynamics;
+pub mod placement;
 
 mod error;
 mod integrate;

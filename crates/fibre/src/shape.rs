@@ -189,10 +189,10 @@ pub(crate) fn prepare(fibre: &Fibre) -> Result<Prepared, FibreError> {
             limit: 1 << SEGMENT_BITS,
         });
     }
-    if fibre.id >> (64 - SEGMENT_BITS) != 0 {
+    if fibre.id >> (63 - SEGMENT_BITS) != 0 {
         return Err(FibreError::IdTooLarge {
             fibre: fibre.id,
-            limit: 1 << (64 - SEGMENT_BITS),
+            limit: 1 << (63 - SEGMENT_BITS),
         });
     }
     fibre.material.check(fibre.id)?;

@@ -2,7 +2,8 @@
 
 use crate::contact::closest::closest_points;
 use crate::contact::grid::{CellGrid, Cover, mix};
-use crate::contact::{ContactError, SEGMENT_BITS, Segments};
+use crate::contact::{ContactError, Segments};
+use crate::shape::SEGMENT_BITS;
 use crate::{PeriodicBox, Vector3};
 use bytemuck::{Pod, Zeroable};
 use fibreflow_parallel::Communicator;

@@ -21,9 +21,6 @@ pub use wall::Wall;
 
 use crate::{PeriodicBox, Vector3};
 
-/// Bits of a segment id that count the segments of one fibre: id = fibre << 20 | index in the fibre.
-pub const SEGMENT_BITS: u32 = 20;
-
 /// What contacts are made of.
 #[derive(Clone, Debug)]
 pub struct ContactSettings {

@@ -1,6 +1,7 @@
 use super::*;
 use crate::PeriodicBox;
-use crate::contact::{NormalDamping, SEGMENT_BITS, Wall};
+use crate::contact::{NormalDamping, Wall};
+use crate::shape::SEGMENT_BITS;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
