@@ -129,6 +129,21 @@ fn periodic_copies_are_one_node() {
 }
 
 #[test]
+fn a_slab_one_element_thick_joins_its_nodes_to_themselves() {
+    let mesh = mesh("slab.msh");
+    assert_eq!(mesh.patches, ["left", "right", "walls"]);
+    assert_eq!(validate(&mesh), Ok(()));
+    assert_eq!((mesh.nodes.len(), mesh.elements.len()), (12, 6));
+    assert!(close(&[element_volume(&mesh)], &[0.5]));
+    assert!(close(&patch_area(&mesh, "right"), &[0.25, 0.0, 0.0]));
+    for e in 0..6 {
+        let mut nodes = mesh.elements.nodes(e).to_vec();
+        nodes.sort_unstable();
+        assert!(nodes.chunks(2).all(|pair| pair[0] == pair[1]));
+    }
+}
+
+#[test]
 fn an_inverted_element_is_found_where_it_is() {
     let bad = mesh("inverted.msh");
     let good = mesh("periodic.msh");
