@@ -33,6 +33,8 @@ mpi_checks! {
     halo_brings_the_owners_values,
     no_rank_holds_the_mesh,
     messages_scale_with_the_interface,
+    geometry_is_the_same_on_any_ranks,
+    an_inverted_element_stops_all_ranks,
     an_error_on_rank_0_reaches_all,
     transfer_agrees_on_any_ranks,
     crowded_fibres_are_handed_out,

@@ -6,7 +6,7 @@ use fibreflow_parallel::Communicator;
 
 /// Each rank holds its share of a 32³ mesh and little more: at most 45 % at 4 ranks (ARCHITECTURE section 4).
 pub fn no_rank_holds_the_mesh(communicator: &Communicator) -> Outcome {
-    let mesh = distribute_from(communicator, || Ok(meshes::cube(32)))?;
+    let mesh = distribute_from(communicator, || meshes::cube(32))?;
     let allowed = match communicator.size() {
         4 => 0.45,
         size => 1.0 / size as f64 + 0.2,
@@ -25,7 +25,7 @@ pub fn no_rank_holds_the_mesh(communicator: &Communicator) -> Outcome {
 pub fn messages_scale(communicator: &Communicator) -> Outcome {
     let mut sent = [0.0; 2];
     for (sent, n) in sent.iter_mut().zip([16, 32]) {
-        let mesh = distribute_from(communicator, || Ok(meshes::cube(n)))?;
+        let mesh = distribute_from(communicator, || meshes::cube(n))?;
         *sent = communicator.sum(mesh.halo.sent_entries() as f64);
     }
     let ratio = sent[1] / sent[0];
@@ -36,7 +36,7 @@ pub fn messages_scale(communicator: &Communicator) -> Outcome {
 
 /// No rank waits for a piece that never comes.
 pub fn errors_reach_all(communicator: &Communicator) -> Outcome {
-    let mut broken = meshes::cube(4);
+    let mut broken = meshes::cube(4)?;
     broken.elements.nodes[10] = 1_000_000;
     let outcomes = [
         distribute(communicator, None),

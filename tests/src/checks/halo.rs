@@ -13,7 +13,7 @@ fn noise(seed: u64, index: u64) -> f64 {
 
 /// ⟨update x, y⟩ over owned and halo entries equals ⟨x, accumulate y⟩ over owned entries.
 pub fn adjoint(communicator: &Communicator) -> Outcome {
-    let mesh = distribute_from(communicator, || Ok(meshes::cube(9)))?;
+    let mesh = distribute_from(communicator, || meshes::cube(9))?;
     let rank = communicator.rank() as u64;
     let mut x: Vec<[f64; 1]> = (0..mesh.total() as u64)
         .map(|i| [noise(1 + rank, i)])
@@ -38,7 +38,7 @@ pub fn adjoint(communicator: &Communicator) -> Outcome {
 
 /// After an update every halo entry holds what its owner put there, and its coordinates are the owner's.
 pub fn owners_values(communicator: &Communicator) -> Outcome {
-    let mesh = distribute_from(communicator, || Ok(meshes::cube(9)))?;
+    let mesh = distribute_from(communicator, || meshes::cube(9))?;
     let mut ids = vec![u64::MAX; mesh.total()];
     let mut nodes = vec![[f64::NAN; 3]; mesh.total()];
     ids[..mesh.owned()].copy_from_slice(&mesh.global_nodes[..mesh.owned()]);

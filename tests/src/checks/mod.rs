@@ -7,6 +7,7 @@ use fibreflow_parallel::Communicator;
 
 mod coupling;
 mod distribution;
+mod geometry;
 mod halo;
 pub mod meshes;
 
@@ -27,6 +28,14 @@ pub const CHECKS: &[(&str, Check)] = &[
     (
         "messages_scale_with_the_interface",
         distribution::messages_scale,
+    ),
+    (
+        "geometry_is_the_same_on_any_ranks",
+        geometry::same_on_any_ranks,
+    ),
+    (
+        "an_inverted_element_stops_all_ranks",
+        geometry::inverted_elements_stop_all,
     ),
     (
         "an_error_on_rank_0_reaches_all",
