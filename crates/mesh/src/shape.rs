@@ -230,16 +230,6 @@ pub fn vertices(kind: ElementKind) -> &'static [[f64; 3]] {
     }
 }
 
-/// Jacobians det ∂x/∂(r, s, t) at the vertices \[m³\]; on the axis at the apex of a pyramid.
-pub fn vertex_jacobians(kind: ElementKind, coordinates: &[[f64; 3]; 8]) -> [f64; 8] {
-    let x = relative(kind, coordinates);
-    let mut jacobians = [0.0; 8];
-    for (j, &r) in jacobians.iter_mut().zip(vertices(kind)) {
-        *j = cofactors(&jacobian(kind, &x, &gradients(kind, r))).1;
-    }
-    jacobians
-}
-
 /// Vertices relative to the first one, so that round-off scales with the element and not with its place.
 pub(crate) fn relative(kind: ElementKind, coordinates: &[[f64; 3]; 8]) -> [[f64; 3]; 8] {
     let mut x = [[0.0; 3]; 8];
@@ -282,3 +272,6 @@ pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 pub(crate) fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,11 +1,11 @@
 //! Random distortion that crushes no element.
 
 use super::lattice::Lattice;
-use crate::shape;
+use crate::jacobian::smallest_jacobian;
 use crate::{Elements, Mesh};
 use rayon::prelude::*;
 
-/// Smallest Jacobian at a vertex, relative to the undistorted element, below which displacements are halved.
+/// Smallest scaled Jacobian of an element, relative to the undistorted one, below which displacements are halved.
 const CRUSHED: f64 = 0.05;
 
 /// Places the nodes of the lattice, moved by up to `fraction` of the spacing, and the centres of the divided cells.
@@ -50,18 +50,17 @@ fn add_centres(mesh: &mut Mesh, lattice: &Lattice, centres: &[[usize; 3]]) {
     }
 }
 
-/// Elements with a vertex Jacobian below [`CRUSHED`] of the one at rest.
+/// Elements whose scaled Jacobian is below [`CRUSHED`] of the one at rest.
 fn crushed(mesh: &Mesh, at_rest: &[[f64; 3]]) -> Vec<usize> {
     let elements = &mesh.elements;
     (0..elements.len())
         .into_par_iter()
         .filter(|&e| {
-            let kind = elements.kinds[e];
-            let jacobians = |nodes| {
-                shape::vertex_jacobians(kind, &elements.coordinates(e, nodes, &mesh.periods))
+            let scaled = |nodes| {
+                let x = elements.coordinates(e, nodes, &mesh.periods);
+                smallest_jacobian(elements.kinds[e], &x).2
             };
-            let (now, rest) = (jacobians(&mesh.nodes), jacobians(at_rest));
-            (0..kind.vertices()).any(|v| now[v] < CRUSHED * rest[v])
+            scaled(&mesh.nodes) < CRUSHED * scaled(at_rest)
         })
         .collect()
 }

@@ -153,3 +153,6 @@ impl BoxMesh {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,5 +1,6 @@
 //! What one element gives to its pairs of vertices, volumes and faces.
 
+use crate::jacobian::smallest_jacobian;
 use crate::shape::{self, cofactors, cross, dot, minus};
 use crate::{BoundaryFace, ElementKind, Periods};
 use std::sync::LazyLock;
@@ -66,36 +67,55 @@ fn collapsed(kind: ElementKind, r: [f64; 3], weight: f64) -> Point {
 }
 
 /// All pairs of vertices of a kind, ascending.
-pub(super) fn all_pairs(kind: ElementKind) -> Vec<Pair> {
+fn all_pairs(kind: ElementKind) -> Vec<Pair> {
     let n = kind.vertices() as u8;
     (0..n)
         .flat_map(|a| (a + 1..n).map(move |b| (a, b)))
         .collect()
 }
 
-/// The twelve edges of a hexahedron with their direction 0, 1, 2 (vertex a lies below b).
-pub(super) const EDGES: [(Pair, usize); 12] = [
-    ((0, 1), 0),
-    ((0, 3), 1),
-    ((0, 4), 2),
-    ((1, 2), 1),
-    ((1, 5), 2),
-    ((2, 6), 2),
-    // 3 → 2 and 7 → 6 run along the first direction.
-    ((2, 3), 0),
-    ((3, 7), 2),
-    ((4, 5), 0),
-    ((4, 7), 1),
-    ((5, 6), 1),
-    ((6, 7), 0),
-];
+/// The edges a < b of a hexahedron; of their two faces first the one that runs from a to b, then the other.
+static EDGES: LazyLock<Vec<(Pair, [usize; 2])>> = LazyLock::new(|| {
+    let faces = ElementKind::Hexahedron.faces();
+    let running = |a: usize, b: usize| {
+        faces.iter().position(|face| {
+            let next = |k: usize| face[(k + 1) % face.len()];
+            (0..face.len()).any(|k| face[k] == a && next(k) == b)
+        })
+    };
+    let edge = |&(a, b): &Pair| {
+        let (a_to_b, b_to_a) = (running(a.into(), b.into()), running(b.into(), a.into()));
+        Some(((a, b), [a_to_b?, b_to_a?]))
+    };
+    let pairs = all_pairs(ElementKind::Hexahedron);
+    pairs.iter().filter_map(edge).collect()
+});
 
-/// Value of ∫ over an element where its Jacobian is not positive, as (nearest vertex, Jacobian of the cube map \[m³\]).
+/// Which pairs an element has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Form {
+    /// Edges of orthogonal hexahedra.
+    TwoPoint,
+    /// All pairs of vertices.
+    Galerkin,
+}
+
+impl Form {
+    /// The pairs of an element, in the order in which they are computed.
+    pub fn pairs(self, kind: ElementKind) -> Vec<Pair> {
+        match self {
+            Self::TwoPoint => EDGES.iter().map(|(pair, _)| *pair).collect(),
+            Self::Galerkin => all_pairs(kind),
+        }
+    }
+}
+
+/// Vertex with the smallest Jacobian and the smaller of that and of the Jacobian that stopped the integration \[m³\].
 pub(super) type Inversion = (usize, f64);
 
 /// Exact ∫(N_a∇N_b − N_b∇N_a) \[m²\] and −∫∇N_a·∇N_b \[m\] of all pairs a < b, and ∫N_a \[m³\].
 ///
-/// Appends one (S, w) for every pair of [`all_pairs`] and one volume for every vertex.
+/// Appends one (S, w) for every pair of vertices and one volume for every vertex.
 pub(super) fn galerkin(
     kind: ElementKind,
     coordinates: &[[f64; 3]; 8],
@@ -119,8 +139,8 @@ pub(super) fn galerkin(
         }
         let (rows, determinant) = cofactors(&columns);
         if determinant.is_nan() || determinant <= 0.0 {
-            let nearest = (0..vertices).max_by(|&a, &b| point.n[a].total_cmp(&point.n[b]));
-            return Err((nearest.unwrap_or(0), determinant));
+            let (vertex, jacobian, _) = smallest_jacobian(kind, coordinates);
+            return Err((vertex, jacobian.min(determinant)));
         }
         // det J ∇N_a, with the weight of the point.
         let gradient: [[f64; 3]; 8] = std::array::from_fn(|a| {
@@ -143,34 +163,49 @@ pub(super) fn galerkin(
     Ok(())
 }
 
-/// Quarters of the three mid-planes of an orthogonal hexahedron for its [`EDGES`] \[m²\], and eighths of its volume.
+/// Median-dual faces of the edges of an orthogonal hexahedron \[m²\] and eighths of its volume \[m³\].
 ///
-/// The weight of an edge follows from its whole dual face and is left zero.
+/// A dual face is spanned by the middles of the edge, of its two faces and of the element, so that dual volumes close
+/// to round-off however exactly the right angles are met. The weight follows from the whole dual face of an edge and
+/// is left zero.
 pub(super) fn two_point(
     coordinates: &[[f64; 3]; 8],
     faces: &mut Vec<[f64; 4]>,
     volumes: &mut Vec<f64>,
 ) {
-    let x = shape::relative(ElementKind::Hexahedron, coordinates);
-    let (areas, volume) = cofactors(&[x[1], x[3], x[4]]);
-    faces.extend(EDGES.map(|((a, b), direction)| {
-        let backwards = matches!((a, b), (2, 3) | (6, 7));
-        let quarter = if backwards { -0.25 } else { 0.25 };
-        let s = areas[direction].map(|s| quarter * s);
-        [s[0], s[1], s[2], 0.0]
+    let kind = ElementKind::Hexahedron;
+    let x = shape::relative(kind, coordinates);
+    let mean = |vertices: &[usize]| -> [f64; 3] {
+        let weight = 1.0 / vertices.len() as f64;
+        std::array::from_fn(|c| weight * vertices.iter().map(|&v| x[v][c]).sum::<f64>())
+    };
+    let centre = mean(&[0, 1, 2, 3, 4, 5, 6, 7]);
+    let middles: [[f64; 3]; 6] = std::array::from_fn(|face| mean(kind.faces()[face]));
+    faces.extend(EDGES.iter().map(|&((a, b), [a_to_b, b_to_a])| {
+        let across = minus(middles[a_to_b], middles[b_to_a]);
+        let s = cross(minus(centre, mean(&[a.into(), b.into()])), across);
+        [0.5 * s[0], 0.5 * s[1], 0.5 * s[2], 0.0]
     }));
+    let (_, volume) = cofactors(&[x[1], x[3], x[4]]);
     volumes.extend([volume / 8.0; 8]);
 }
 
-/// True for a hexahedron whose edges are equal and at right angles, to the round-off of its coordinates.
+/// True for a hexahedron whose opposite edges are equal and whose angles are right.
+///
+/// To 1e-8 of its shortest edge and 4e-12 of its coordinates, because mesh generators place nodes no better.
 pub(super) fn is_orthogonal(kind: ElementKind, coordinates: &[[f64; 3]; 8]) -> bool {
     if kind != ElementKind::Hexahedron {
         return false;
     }
     let x = shape::relative(kind, coordinates);
     let axes = [x[1], x[3], x[4]];
-    let largest = |p: &[[f64; 3]]| p.iter().flatten().fold(0.0, |m: f64, c| m.max(c.abs()));
-    let tolerance = 64.0 * f64::EPSILON * largest(coordinates) + 1e-13 * largest(&x);
+    let lengths = axes.map(|a| dot(a, a).sqrt());
+    let shortest = lengths.iter().fold(f64::INFINITY, |m, &l| m.min(l));
+    let largest = coordinates
+        .iter()
+        .flatten()
+        .fold(0.0, |m: f64, c| m.max(c.abs()));
+    let tolerance = 1e-8 * shortest + 4e-12 * largest;
     // Vertices of the parallelepiped spanned by the edges at vertex 0.
     let corners = [
         (2, [1, 1, 0]),
@@ -184,19 +219,19 @@ pub(super) fn is_orthogonal(kind: ElementKind, coordinates: &[[f64; 3]; 8]) -> b
             (x[*v][c] - expected).abs() <= tolerance
         })
     });
-    let is_square = |a: [f64; 3], b: [f64; 3]| {
-        let (la, lb) = (dot(a, a).sqrt(), dot(b, b).sqrt());
-        dot(a, b).abs() <= tolerance * (la + lb)
-    };
+    let is_square =
+        |a: usize, b: usize| dot(axes[a], axes[b]).abs() <= tolerance * lengths[a].max(lengths[b]);
     is_parallelepiped
-        && is_square(axes[0], axes[1])
-        && is_square(axes[1], axes[2])
-        && is_square(axes[2], axes[0])
+        && is_square(0, 1)
+        && is_square(1, 2)
+        && is_square(2, 0)
         && cofactors(&axes).1 > 0.0
 }
 
-/// ∮N_a n over a boundary face, for each of its vertices \[m²\]; exact on bilinear (non-planar) quadrilaterals.
+/// Share of every vertex in a boundary face \[m²\]: ∮N_a n, exact on bilinear (non-planar) quadrilaterals; in the
+/// two-point form the quadrilateral of the vertex, the middles of its edges and the middle of the face.
 pub(super) fn face_shares(
+    form: Form,
     face: &BoundaryFace,
     nodes: &[[f64; 3]],
     periods: &Periods,
@@ -212,6 +247,13 @@ pub(super) fn face_shares(
         return [share, share, share, [0.0; 3]];
     }
     let x = [[0.0; 3], edge(1), edge(2), edge(3)];
+    if form == Form::TwoPoint {
+        let middle = std::array::from_fn(|c| 0.25 * x.iter().map(|x| x[c]).sum::<f64>());
+        return std::array::from_fn(|v| {
+            let across = minus(x[(v + 3) % 4], x[(v + 1) % 4]);
+            cross(minus(middle, x[v]), across).map(|s| 0.25 * s)
+        });
+    }
     let mut shares = [[0.0; 3]; 4];
     let gauss = [0.5 - 0.5 / 3f64.sqrt(), 0.5 + 0.5 / 3f64.sqrt()];
     for s in gauss {

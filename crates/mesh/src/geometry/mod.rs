@@ -11,9 +11,10 @@ mod element;
 mod rows;
 
 use crate::{BoundaryNode, DualGeometry, ElementKind, LocalMesh, MeshError};
+use element::Form;
 use fibreflow_parallel::block_sum;
 use rayon::prelude::*;
-use rows::{Form, Rows};
+use rows::Rows;
 
 /// Assembles the dual geometry of the owned nodes. Collective.
 ///
@@ -45,7 +46,7 @@ pub fn dual(mesh: &LocalMesh) -> Result<DualGeometry, MeshError> {
         displacements: rows.displacements,
         total_volume: communicator.sum(volume),
         volumes,
-        boundary: boundary_shares(mesh),
+        boundary: boundary_shares(mesh, form),
         self_pairs: rows.self_pairs,
         orthogonal,
     })
@@ -59,11 +60,11 @@ fn all_orthogonal(mesh: &LocalMesh) -> bool {
     })
 }
 
-/// Sums ∮N_i n of all faces for every (owned node, patch), in the order of the faces.
-fn boundary_shares(mesh: &LocalMesh) -> Vec<BoundaryNode> {
+/// Sums the shares of all faces for every (owned node, patch), in the order of the faces.
+fn boundary_shares(mesh: &LocalMesh, form: Form) -> Vec<BoundaryNode> {
     let mut shares = Vec::new();
     for face in &mesh.boundary {
-        let areas = element::face_shares(face, &mesh.nodes, &mesh.periods);
+        let areas = element::face_shares(form, face, &mesh.nodes, &mesh.periods);
         for (&node, area) in face.nodes.iter().zip(areas).take(face.vertices.into()) {
             if (node as usize) < mesh.owned() {
                 let patch = face.patch;

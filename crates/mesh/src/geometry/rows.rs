@@ -1,18 +1,9 @@
 //! Compressed rows of pairs, gathered over the elements of each row in blocks of rows.
 
-use super::element::{self, EDGES, Inversion, Pair};
+use super::element::{self, Form, Inversion};
 use crate::{ElementKind, Image, LocalMesh};
 use rayon::prelude::*;
 use std::ops::Range;
-
-/// Which pairs an element has.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Form {
-    /// Edges of orthogonal hexahedra.
-    TwoPoint,
-    /// All pairs of vertices.
-    Galerkin,
-}
 
 /// Where and why the assembly stopped; without an inversion the element spans more than one period.
 #[derive(Clone, Copy, Debug)]
@@ -103,12 +94,7 @@ type Term = (u64, u32, u32, bool);
 impl<'a> Assembly<'a> {
     fn new(mesh: &'a LocalMesh, form: Form) -> Self {
         let (starts, elements) = incidence(mesh);
-        let pairs = ElementKind::ALL.map(|kind| -> Vec<Pair> {
-            match form {
-                Form::TwoPoint => EDGES.iter().map(|(pair, _)| *pair).collect(),
-                Form::Galerkin => element::all_pairs(kind),
-            }
-        });
+        let pairs = ElementKind::ALL.map(|kind| form.pairs(kind));
         let arms = ElementKind::ALL.map(|kind| {
             let mut arms = vec![Vec::new(); 8];
             for (pair, &(a, b)) in pairs[kind as usize].iter().enumerate() {
