@@ -97,6 +97,17 @@ pub enum FibreError {
         /// What is allowed.
         requirement: &'static str,
     },
+    /// The flow is not given at all points.
+    #[error("the fibres have {points} hydrodynamic points but the flow is given at {given}")]
+    AmbientSize {
+        /// Points of this rank.
+        points: usize,
+        /// Values given.
+        given: usize,
+    },
+    /// A flow is given but no law for what it does.
+    #[error("fibres in a flow need a hydrodynamic law in their settings")]
+    NoHydrodynamics,
     /// A position, velocity or rotation is not finite.
     #[error("fibre {fibre}, node {node}: non-finite {field} at position ({:.6e}, {:.6e}, {:.6e})", position.x, position.y, position.z)]
     NonFinite {

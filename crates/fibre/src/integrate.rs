@@ -8,8 +8,10 @@
 //! One force evaluation a sub-step and no force carried over, so the state is (x, q, v, ω) and a restart is exact.
 
 use crate::beam::{Motion as EndMotion, Pose, tangent};
-use crate::system::{Load, Model, Motion, NodeConstants};
-use crate::{FibreError, FibreSystem, Quaternion, Vector3};
+use crate::drag::{Hydrodynamics, NodeDrag, PointDrag};
+use crate::hydrodynamics::AmbientFlow;
+use crate::system::{Load, Model, Motion, NodeConstants, Scratch};
+use crate::{Ambient, FibreError, FibreSystem, Quaternion, Reaction, Vector3};
 
 /// The moving state and scratch of a run of consecutive fibres.
 pub(crate) struct Batch<'a> {
@@ -20,45 +22,80 @@ pub(crate) struct Batch<'a> {
     pub orientation: &'a mut [Quaternion],
     pub angular_velocity: &'a mut [Vector3],
     pub load: &'a mut [Load],
+    /// This and all below are empty without hydrodynamics.
+    pub drag: &'a mut [NodeDrag],
+    pub point_drag: &'a mut [PointDrag],
+    pub reaction_force: &'a mut [Vector3],
+    pub reaction_torque: &'a mut [Vector3],
 }
 
 /// Nodes below which a batch is not split over threads.
 const GRAIN: usize = 256;
 
+/// Splits at `at`, or at the end of an empty slice.
+fn split<T>(slice: &mut [T], at: usize) -> (&mut [T], &mut [T]) {
+    let at = at.min(slice.len());
+    slice.split_at_mut(at)
+}
+
 impl<'a> Batch<'a> {
-    pub fn all(model: &Model, motion: &'a mut Motion, load: &'a mut [Load]) -> Self {
+    pub fn all(
+        model: &Model,
+        motion: &'a mut Motion,
+        scratch: &'a mut Scratch,
+        reaction: &'a mut Reaction,
+    ) -> Self {
         Self {
             fibres: 0..model.fibres.len(),
             position: &mut motion.position,
             velocity: &mut motion.velocity,
             orientation: &mut motion.orientation,
             angular_velocity: &mut motion.angular_velocity,
-            load,
+            load: &mut scratch.load,
+            drag: &mut scratch.drag,
+            point_drag: &mut scratch.point_drag,
+            reaction_force: &mut reaction.force,
+            reaction_torque: &mut reaction.torque,
         }
     }
 
     fn split(self, model: &Model, middle: usize) -> (Self, Self) {
-        let n = model.offsets[middle] - model.offsets[self.fibres.start];
-        let (position, position_right) = self.position.split_at_mut(n);
-        let (velocity, velocity_right) = self.velocity.split_at_mut(n);
-        let (orientation, orientation_right) = self.orientation.split_at_mut(n);
-        let (angular_velocity, angular_velocity_right) = self.angular_velocity.split_at_mut(n);
-        let (load, load_right) = self.load.split_at_mut(n);
+        let first = self.fibres.start;
+        let n = model.offsets[middle] - model.offsets[first];
+        let point = |f: usize| model.points[model.segment_range(f).start];
+        let p = point(middle) - point(first);
+        let position = split(self.position, n);
+        let velocity = split(self.velocity, n);
+        let orientation = split(self.orientation, n);
+        let angular_velocity = split(self.angular_velocity, n);
+        let load = split(self.load, n);
+        let drag = split(self.drag, n);
+        let point_drag = split(self.point_drag, p);
+        let reaction_force = split(self.reaction_force, p);
+        let reaction_torque = split(self.reaction_torque, p);
         let left = Self {
-            fibres: self.fibres.start..middle,
-            position,
-            velocity,
-            orientation,
-            angular_velocity,
-            load,
+            fibres: first..middle,
+            position: position.0,
+            velocity: velocity.0,
+            orientation: orientation.0,
+            angular_velocity: angular_velocity.0,
+            load: load.0,
+            drag: drag.0,
+            point_drag: point_drag.0,
+            reaction_force: reaction_force.0,
+            reaction_torque: reaction_torque.0,
         };
         let right = Self {
             fibres: middle..self.fibres.end,
-            position: position_right,
-            velocity: velocity_right,
-            orientation: orientation_right,
-            angular_velocity: angular_velocity_right,
-            load: load_right,
+            position: position.1,
+            velocity: velocity.1,
+            orientation: orientation.1,
+            angular_velocity: angular_velocity.1,
+            load: load.1,
+            drag: drag.1,
+            point_drag: point_drag.1,
+            reaction_force: reaction_force.1,
+            reaction_torque: reaction_torque.1,
         };
         (left, right)
     }
@@ -221,6 +258,48 @@ pub(crate) fn sub_steps(dt: f64, limit: f64) -> (usize, f64) {
     (n, dt / n as f64)
 }
 
+/// The law and the flow at the points, for a step.
+#[derive(Clone, Copy)]
+struct Flow<'a> {
+    law: &'a Hydrodynamics,
+    ambient: &'a Ambient,
+}
+
+impl Batch<'_> {
+    /// One fibre through a whole step, `n` sub-steps of `step`, when nothing ties it to other fibres.
+    fn advance_alone(&mut self, model: &Model, flow: Option<Flow>, n: usize, step: f64) {
+        self.begin(model, flow, step);
+        for k in 0..n {
+            self.sub_step(model, flow.is_some(), k, n, step);
+        }
+        self.end(model, flow);
+    }
+
+    fn begin(&mut self, model: &Model, flow: Option<Flow>, step: f64) {
+        if let Some(flow) = flow {
+            self.prepare_drag(model, flow.law, flow.ambient, step);
+        }
+        self.drift(model, 0.5 * step);
+    }
+
+    /// Sub-step `k` of `n` from the middle of its first drift on, with that of the next one.
+    fn sub_step(&mut self, model: &Model, drag: bool, k: usize, n: usize, step: f64) {
+        self.add_forces(model);
+        if drag {
+            self.kick_with_drag(model, step, 1.0 / n as f64);
+        } else {
+            self.kick(model, step);
+        }
+        self.drift(model, if k + 1 < n { step } else { 0.5 * step });
+    }
+
+    fn end(&mut self, model: &Model, flow: Option<Flow>) {
+        if let Some(flow) = flow {
+            self.react(model, flow.ambient);
+        }
+    }
+}
+
 impl FibreSystem {
     /// Advances all fibres by `dt` \[s\] under internal and given forces only, each in its own number of equal
     /// sub-steps below the critical one.
@@ -228,17 +307,70 @@ impl FibreSystem {
     /// # Errors
     /// [`FibreError::NonFinite`].
     pub fn advance_free(&mut self, dt: f64) -> Result<(), FibreError> {
+        self.run(None, dt)
+    }
+
+    /// Advances all fibres by `dt` \[s\] in the flow given at their points (those of [`FibreSystem::points`] now),
+    /// which is held over the step. Returns the mean force and torque on the fluid at the points; times `dt` that is
+    /// to round-off what the fibres took.
+    ///
+    /// # Errors
+    /// [`FibreError::NonFinite`], [`FibreError::AmbientSize`], and [`FibreError::NoHydrodynamics`] when the settings
+    /// name no law.
+    pub fn advance(&mut self, ambient: &Ambient, dt: f64) -> Result<&Reaction, FibreError> {
+        let points = self.point_count();
+        for given in [ambient.velocity.len(), ambient.gradient.len()] {
+            if given != points {
+                return Err(FibreError::AmbientSize { points, given });
+            }
+        }
+        self.run(Some(ambient), dt)?;
+        Ok(&self.reaction)
+    }
+
+    /// Advances all fibres by `dt` \[s\] in a flow given by a formula, evaluated at the points now.
+    ///
+    /// # Errors
+    /// As [`FibreSystem::advance`].
+    pub fn advance_in_flow(
+        &mut self,
+        flow: &AmbientFlow,
+        dt: f64,
+    ) -> Result<&Reaction, FibreError> {
+        let mut points = std::mem::take(&mut self.points);
+        let mut ambient = std::mem::take(&mut self.ambient);
+        self.points(&mut points);
+        ambient.velocity.clear();
+        ambient.gradient.clear();
+        for x in &points.position {
+            let (velocity, gradient) = flow.at(x);
+            ambient.velocity.push(velocity);
+            ambient.gradient.push(gradient);
+        }
+        let result = self.run(Some(&ambient), dt);
+        self.points = points;
+        self.ambient = ambient;
+        result.map(|()| &self.reaction)
+    }
+
+    fn run(&mut self, ambient: Option<&Ambient>, dt: f64) -> Result<(), FibreError> {
+        let flow = match (ambient, &self.settings.hydrodynamics) {
+            (None, _) => None,
+            (Some(ambient), Some(law)) => Some(Flow { law, ambient }),
+            (Some(_), None) => return Err(FibreError::NoHydrodynamics),
+        };
         let model = &self.model;
         let safety = self.settings.step_safety;
-        Batch::all(model, &mut self.motion, &mut self.scratch).for_each(model, &|fibre| {
+        let all = Batch::all(
+            model,
+            &mut self.motion,
+            &mut self.scratch,
+            &mut self.reaction,
+        );
+        all.for_each(model, &|fibre| {
             let critical = model.fibres[fibre.fibres.start].critical_step;
             let (n, step) = sub_steps(dt, safety * critical);
-            fibre.drift(model, 0.5 * step);
-            for k in 0..n {
-                fibre.add_forces(model);
-                fibre.kick(model, step);
-                fibre.drift(model, if k + 1 < n { step } else { 0.5 * step });
-            }
+            fibre.advance_alone(model, flow, n, step);
         });
         self.check_finite()
     }

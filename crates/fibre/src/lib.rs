@@ -9,6 +9,8 @@ pub mod contact;
 pub mod hydrodynamics;
 pub mod placement;
 
+mod blocktri;
+mod drag;
 mod error;
 mod integrate;
 mod observe;
@@ -17,10 +19,11 @@ mod points;
 mod shape;
 mod system;
 
+pub use drag::Hydrodynamics;
 pub use error::FibreError;
 pub use observe::Energy;
 pub use periodic::PeriodicBox;
-pub use points::{Ambient, Reaction};
+pub use points::{Ambient, Points, Reaction};
 pub use shape::{Equilibrium, Fibre, Material, Support};
 pub use system::{FibreSettings, FibreSystem};
 

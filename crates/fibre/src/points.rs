@@ -1,21 +1,70 @@
-//! What passes between fibres and flow at the hydrodynamic points (Gauss points of the segments).
+//! Hydrodynamic points, the Gauss points of the segments, and what passes between fibres and flow there.
 
-use nalgebra::{Matrix3, Vector3};
+use crate::{Matrix3, Vector3};
 
 /// The flow at the hydrodynamic points, in the order of the points.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Ambient {
     /// Velocity u \[m/s\].
-    pub velocity: Vec<Vector3<f64>>,
+    pub velocity: Vec<Vector3>,
     /// gradient\[i\]\[j\] = ∂u_i/∂x_j \[1/s\].
-    pub gradient: Vec<Matrix3<f64>>,
+    pub gradient: Vec<Matrix3>,
 }
 
 /// What the fibres do to the flow at the hydrodynamic points, mean over the step: minus what they took.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Reaction {
     /// Force on the fluid \[N\].
-    pub force: Vec<Vector3<f64>>,
+    pub force: Vec<Vector3>,
     /// Torque on the fluid about the point \[N·m\].
-    pub torque: Vec<Vector3<f64>>,
+    pub torque: Vec<Vector3>,
+}
+
+/// The hydrodynamic points of a rank: those of the first segment along the fibre, then of the next, and so on.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Points {
+    /// Position \[m\], unwrapped.
+    pub position: Vec<Vector3>,
+    /// Fibre length that the point stands for \[m\].
+    pub weight: Vec<f64>,
+}
+
+/// Points of a segment: two Gauss points in each of `points / 2` equal parts, so that drag and its moment are
+/// integrated exactly for a slip that is linear along the part.
+#[inline(always)]
+pub(crate) fn abscissa(point: usize, points: usize) -> f64 {
+    // (1 − 1/√3)/2
+    const FIRST: f64 = 0.211_324_865_405_187_1;
+    let parts = points / 2;
+    let within = if point.is_multiple_of(2) {
+        FIRST
+    } else {
+        1.0 - FIRST
+    };
+    ((point / 2) as f64 + within) / parts as f64
+}
+
+/// Number of points of a segment of this length when its parts may be `spacing` long.
+pub(crate) fn point_count(length: f64, spacing: f64) -> usize {
+    2 * (length / spacing).ceil().max(1.0) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_integrate_cubics_exactly() {
+        for parts in [1, 2, 5] {
+            let n = 2 * parts;
+            let integral =
+                |power: i32| (0..n).map(|p| abscissa(p, n).powi(power)).sum::<f64>() / n as f64;
+            for power in 0..4 {
+                let exact = 1.0 / f64::from(power + 1);
+                assert!((integral(power) - exact).abs() < 1e-15);
+            }
+        }
+        assert_eq!(point_count(1.0, f64::INFINITY), 2);
+        assert_eq!(point_count(1.0, 0.4), 6);
+    }
 }

@@ -1,8 +1,10 @@
 //! All fibres of a rank in flat arrays.
 
 use crate::beam::{Pose, Segment};
+use crate::drag::{Hydrodynamics, NodeDrag, PointDrag};
+use crate::points::{abscissa, point_count};
 use crate::shape::{Fibre, Material, SEGMENT_BITS, prepare};
-use crate::{FibreError, Quaternion, Vector3};
+use crate::{Ambient, FibreError, Points, Quaternion, Reaction, Vector3};
 use fibreflow_parallel::Communicator;
 
 /// Settings of a fibre system.
@@ -12,6 +14,8 @@ pub struct FibreSettings {
     pub gravity: Vector3,
     /// Density of the fluid whose weight is taken off \[kg/m³\]; 0 for no buoyancy.
     pub buoyant_density: f64,
+    /// How the flow acts on the fibres; none for fibres in vacuum.
+    pub hydrodynamics: Option<Hydrodynamics>,
     /// Sub-step over critical step, in (0, 1).
     pub step_safety: f64,
 }
@@ -21,6 +25,7 @@ impl Default for FibreSettings {
         Self {
             gravity: Vector3::zeros(),
             buoyant_density: 0.0,
+            hydrodynamics: None,
             step_safety: 0.7,
         }
     }
@@ -75,6 +80,8 @@ pub(crate) struct Model {
     pub loads: Vec<Load>,
     /// Segments of fibre f start at `offsets\[f\] - f`.
     pub segments: Vec<Segment>,
+    /// First hydrodynamic point of each segment, and the number of points at the end; all 0 without hydrodynamics.
+    pub points: Vec<usize>,
 }
 
 impl Model {
@@ -96,14 +103,27 @@ pub(crate) struct Motion {
     pub angular_velocity: Vec<Vector3>,
 }
 
+/// Work space of a step, sized once.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Scratch {
+    pub load: Vec<Load>,
+    pub drag: Vec<NodeDrag>,
+    pub point_drag: Vec<PointDrag>,
+}
+
 /// Fibres of this rank: nodes of all fibres one after another, in the order of the global ids.
 pub struct FibreSystem {
     pub(crate) communicator: Communicator,
     pub(crate) settings: FibreSettings,
     pub(crate) model: Model,
     pub(crate) motion: Motion,
-    /// Force and torque on each node, scratch of a sub-step.
-    pub(crate) scratch: Vec<Load>,
+    pub(crate) scratch: Scratch,
+    pub(crate) reaction: Reaction,
+    /// (sub-steps of the fibre with the most, segment sub-steps) of the last step.
+    pub(crate) work: (usize, usize),
+    /// Points and flow of [`FibreSystem::advance_in_flow`].
+    pub(crate) points: Points,
+    pub(crate) ambient: Ambient,
 }
 
 impl FibreSystem {
@@ -126,10 +146,15 @@ impl FibreSystem {
             settings,
             model: Model {
                 offsets: vec![0],
+                points: vec![0],
                 ..Model::default()
             },
             motion: Motion::default(),
-            scratch: Vec::new(),
+            scratch: Scratch::default(),
+            reaction: Reaction::default(),
+            work: (0, 0),
+            points: Points::default(),
+            ambient: Ambient::default(),
         };
         for fibre in &fibres {
             system.push(fibre)?;
@@ -202,12 +227,64 @@ impl FibreSystem {
             length: segments.iter().map(|s| s.rest_length).sum(),
             critical_step: 2.0 / frequency * ((1.0 + damping * damping).sqrt() - damping),
         });
+        let mut point = self.point_count();
+        for segment in &segments {
+            if let Some(law) = &self.settings.hydrodynamics {
+                point += point_count(segment.rest_length, law.point_spacing);
+            }
+            self.model.points.push(point);
+        }
         self.model.segments.extend(segments);
         self.model.offsets.push(self.model.nodes.len());
     }
 
+    /// Fits the work space to the model.
     pub(crate) fn resize_scratch(&mut self) {
-        self.scratch.resize(self.model.nodes.len(), Load::ZERO);
+        let nodes = self.model.nodes.len();
+        let points = self.point_count();
+        self.scratch.load.resize(nodes, Load::ZERO);
+        self.reaction.force.resize(points, Vector3::zeros());
+        self.reaction.torque.resize(points, Vector3::zeros());
+        if self.settings.hydrodynamics.is_some() {
+            self.scratch.drag.resize(nodes, NodeDrag::zero());
+            self.scratch.point_drag.resize(points, PointDrag::zero());
+        }
+    }
+
+    /// Sub-steps of the last step, largest of this rank's fibres.
+    pub fn substeps(&self) -> usize {
+        self.work.0
+    }
+
+    /// Sum over this rank's segments of the sub-steps of the last step.
+    pub fn segment_substeps(&self) -> usize {
+        self.work.1
+    }
+
+    /// Number of hydrodynamic points of this rank.
+    pub fn point_count(&self) -> usize {
+        self.model.points[self.model.points.len() - 1]
+    }
+
+    /// The hydrodynamic points at the present positions; `out` is overwritten.
+    pub fn points(&self, out: &mut Points) {
+        out.position.clear();
+        out.weight.clear();
+        for f in 0..self.fibres() {
+            let node = self.model.offsets[f];
+            for (i, s) in self.model.segment_range(f).enumerate() {
+                let (a, b) = (
+                    self.motion.position[node + i],
+                    self.motion.position[node + i + 1],
+                );
+                let count = self.model.points[s + 1] - self.model.points[s];
+                for k in 0..count {
+                    out.position.push(a + (b - a) * abscissa(k, count));
+                    out.weight
+                        .push(self.model.segments[s].rest_length / count as f64);
+                }
+            }
+        }
     }
 
     /// The ranks that share the fibres.
@@ -376,6 +453,30 @@ impl FibreSettings {
                 value: self.buoyant_density,
                 requirement: "zero or positive",
             });
+        }
+        if let Some(law) = &self.hydrodynamics {
+            let positive = [
+                ("point_spacing", law.point_spacing, true),
+                (
+                    "fluid viscosity",
+                    law.fluid.viscosity,
+                    law.fluid.viscosity.is_finite(),
+                ),
+                (
+                    "fluid density",
+                    law.fluid.density,
+                    law.fluid.density.is_finite(),
+                ),
+            ];
+            for (setting, value, finite) in positive {
+                if !(value > 0.0 && finite) {
+                    return Err(FibreError::Setting {
+                        setting,
+                        value,
+                        requirement: "positive",
+                    });
+                }
+            }
         }
         let gravity = self.gravity.norm();
         if !gravity.is_finite() {
