@@ -2,7 +2,8 @@
 
 use super::{Outcome, ensure, meshes};
 use fibreflow_mesh::{
-    BoxElement, BoxMesh, DualGeometry, LocalMesh, MeshError, distribute, distribute_from, geometry,
+    BoxElement, BoxMesh, DualGeometry, LocalMesh, Mesh, MeshError, distribute, distribute_from,
+    geometry,
 };
 use fibreflow_parallel::Communicator;
 
@@ -25,17 +26,21 @@ pub fn same_on_any_ranks(communicator: &Communicator) -> Outcome {
                 seed: 5,
                 ..BoxMesh::default()
             };
-            compare(communicator, &mesh)
+            compare(communicator, || mesh.build())
                 .map_err(|error| format!("{element:?} {periodic:?} jitter {jitter}: {error}"))?;
         }
+    }
+    for name in ["mixed", "periodic", "slab"] {
+        compare(communicator, || meshes::gmsh(name))
+            .map_err(|error| format!("{name}.msh: {error}"))?;
     }
     Ok(())
 }
 
-fn compare(communicator: &Communicator, mesh: &BoxMesh) -> Outcome {
-    let whole = distribute(&Communicator::single(), Some(mesh.build()?))?;
+fn compare(communicator: &Communicator, build: impl Fn() -> Result<Mesh, MeshError>) -> Outcome {
+    let whole = distribute(&Communicator::single(), Some(build()?))?;
     let expected = geometry::dual(&whole)?;
-    let part = distribute_from(communicator, || mesh.build())?;
+    let part = distribute_from(communicator, build)?;
     let found = geometry::dual(&part)?;
     ensure(part.owned() < whole.owned(), || {
         "one rank owns the mesh".into()
