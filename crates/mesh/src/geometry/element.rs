@@ -8,19 +8,16 @@ use std::sync::LazyLock;
 /// A pair of local vertices a < b.
 pub(super) type Pair = (u8, u8);
 
-/// Shape functions of a kind at the Gauss points of the cube that collapses onto it.
-struct Rule {
-    points: Vec<Point>,
-}
-
-/// Values and cube gradients; entries beyond the vertices are zero.
+/// Shape functions of a kind at a Gauss point; entries beyond the vertices are zero.
+///
+/// Gradients are those on the cube that collapses onto the element, on a tetrahedron those of [`shape`].
 struct Point {
     weight: f64,
     n: [f64; 8],
     gradient: [[f64; 3]; 8],
 }
 
-/// Vertex onto which each corner of the cube (in the order of a hexahedron) collapses.
+/// Vertex onto which each corner of the cube (in the order of a hexahedron) collapses, for each kind.
 const COLLAPSE: [[usize; 8]; 4] = [
     [0, 1, 2, 2, 3, 3, 3, 3],
     [0, 1, 2, 3, 4, 4, 4, 4],
@@ -28,28 +25,39 @@ const COLLAPSE: [[usize; 8]; 4] = [
     [0, 1, 2, 3, 4, 5, 6, 7],
 ];
 
-static RULES: LazyLock<[Rule; 4]> = LazyLock::new(|| {
-    ElementKind::ALL.map(|kind| {
-        // Two points a direction integrate the area vectors and volumes exactly (degree 3); the weights of a
-        // pyramid are rational.
-        let half = if kind == ElementKind::Pyramid {
+static RULES: LazyLock<[Vec<Point>; 4]> = LazyLock::new(|| ElementKind::ALL.map(rule));
+
+/// Gauss points that integrate area vectors and volumes exactly: one where the integrands are linear (their gradients
+/// are constant), two a direction where they are cubic. The weights of a pyramid are rational: three a direction.
+fn rule(kind: ElementKind) -> Vec<Point> {
+    let gauss = match kind {
+        ElementKind::Tetrahedron => {
+            let r = shape::centre(kind);
+            return vec![Point {
+                weight: 1.0 / 6.0,
+                n: shape::values(kind, r),
+                gradient: shape::gradients(kind, r),
+            }];
+        }
+        ElementKind::Pyramid => {
             let x = 0.5 * 0.6f64.sqrt();
             vec![(-x, 5.0 / 18.0), (0.0, 4.0 / 9.0), (x, 5.0 / 18.0)]
-        } else {
+        }
+        ElementKind::Prism | ElementKind::Hexahedron => {
             let x = 0.5 / 3f64.sqrt();
             vec![(-x, 0.5), (x, 0.5)]
-        };
-        let mut points = Vec::new();
-        for &(z, wz) in &half {
-            for &(y, wy) in &half {
-                for &(x, wx) in &half {
-                    points.push(collapsed(kind, [x + 0.5, y + 0.5, z + 0.5], wx * wy * wz));
-                }
+        }
+    };
+    let mut points = Vec::new();
+    for &(z, wz) in &gauss {
+        for &(y, wy) in &gauss {
+            for &(x, wx) in &gauss {
+                points.push(collapsed(kind, [x + 0.5, y + 0.5, z + 0.5], wx * wy * wz));
             }
         }
-        Rule { points }
-    })
-});
+    }
+    points
+}
 
 fn collapsed(kind: ElementKind, r: [f64; 3], weight: f64) -> Point {
     let values = shape::values(ElementKind::Hexahedron, r);
@@ -128,7 +136,7 @@ pub(super) fn galerkin(
     faces.resize(first + vertices * (vertices - 1) / 2, [0.0; 4]);
     volumes.resize(first_volume + vertices, 0.0);
     let (faces, volumes) = (&mut faces[first..], &mut volumes[first_volume..]);
-    for point in &RULES[kind as usize].points {
+    for point in &RULES[kind as usize] {
         let mut columns = [[0.0; 3]; 3];
         for (g, x) in point.gradient.iter().zip(&x).take(vertices) {
             for k in 0..3 {
@@ -272,4 +280,82 @@ pub(super) fn face_shares(
         }
     }
     shares
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::jacobian::tests::reference;
+
+    /// Points and weights of the collapsed cube in the reference coordinates of [`shape`], 2 × 8 a direction.
+    fn fine_rule(kind: ElementKind) -> Vec<([f64; 3], f64)> {
+        let gauss = |i: usize| {
+            let offset = if i.is_multiple_of(2) { -0.5 } else { 0.5 } / 3f64.sqrt();
+            ((i / 2) as f64 + 0.5 + offset) / 8.0
+        };
+        let mut rule = Vec::new();
+        for i in 0..4096 {
+            let [x, y, z] = [gauss(i % 16), gauss(i / 16 % 16), gauss(i / 256)];
+            let (r, jacobian) = match kind {
+                ElementKind::Tetrahedron => (
+                    [x * (1.0 - y) * (1.0 - z), y * (1.0 - z), z],
+                    (1.0 - y) * (1.0 - z) * (1.0 - z),
+                ),
+                ElementKind::Pyramid => ([x * (1.0 - z), y * (1.0 - z), z], (1.0 - z) * (1.0 - z)),
+                ElementKind::Prism => ([x * (1.0 - y), y, z], 1.0 - y),
+                ElementKind::Hexahedron => ([x, y, z], 1.0),
+            };
+            rule.push((r, jacobian / 4096.0));
+        }
+        rule
+    }
+
+    #[test]
+    fn pairs_and_volumes_are_the_integrals_of_the_shape_functions() {
+        for kind in ElementKind::ALL {
+            let n = kind.vertices();
+            let mut x = reference(kind);
+            for (i, x) in x[..n].iter_mut().flatten().enumerate() {
+                *x += 0.15 * (1.0 + 5.0 * i as f64).sin();
+            }
+            let (mut faces, mut volumes) = (Vec::new(), Vec::new());
+            galerkin(kind, &x, &mut faces, &mut volumes).expect("positive");
+            let (mut areas, mut weights) = (vec![[0.0; 3]; faces.len()], vec![0.0; faces.len()]);
+            let mut shares = vec![0.0; n];
+            for (r, weight) in fine_rule(kind) {
+                let at = shape::physical(kind, &x, r);
+                let columns = std::array::from_fn(|k| {
+                    let g = shape::gradients(kind, r);
+                    std::array::from_fn(|c| (0..n).map(|a| g[a][k] * x[a][c]).sum())
+                });
+                let dv = weight * cofactors(&columns).1;
+                (0..n).for_each(|a| shares[a] += dv * at.n[a]);
+                for (p, (a, b)) in all_pairs(kind).into_iter().enumerate() {
+                    let (a, b) = (a as usize, b as usize);
+                    for c in 0..3 {
+                        areas[p][c] +=
+                            dv * (at.n[a] * at.gradient[b][c] - at.n[b] * at.gradient[a][c]);
+                    }
+                    weights[p] -= dv * dot(at.gradient[a], at.gradient[b]);
+                }
+            }
+            let largest = faces.iter().fold(0.0, |m: f64, f| m.max(f[3].abs()));
+            for (p, face) in faces.iter().enumerate() {
+                for c in 0..3 {
+                    assert!((face[c] - areas[p][c]).abs() < 1e-13, "{} {p}", kind.name());
+                }
+                let error = (face[3] - weights[p]).abs() / largest;
+                assert!(
+                    error < 0.02,
+                    "{}: {p} {} {}",
+                    kind.name(),
+                    face[3],
+                    weights[p]
+                );
+            }
+            for (volume, share) in volumes.iter().zip(shares) {
+                assert!((volume - share).abs() < 1e-14, "{}", kind.name());
+            }
+        }
+    }
 }
