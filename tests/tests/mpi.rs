@@ -36,6 +36,8 @@ mpi_checks! {
     geometry_is_the_same_on_any_ranks,
     an_inverted_element_stops_all_ranks,
     an_error_on_rank_0_reaches_all,
+    contacts_do_not_depend_on_the_ranks,
+    a_short_periodic_box_is_refused_by_all_ranks,
     transfer_agrees_on_any_ranks,
     crowded_fibres_are_handed_out,
 }

@@ -5,6 +5,7 @@
 
 use fibreflow_parallel::Communicator;
 
+mod contact;
 mod coupling;
 mod distribution;
 mod geometry;
@@ -40,6 +41,14 @@ pub const CHECKS: &[(&str, Check)] = &[
     (
         "an_error_on_rank_0_reaches_all",
         distribution::errors_reach_all,
+    ),
+    (
+        "contacts_do_not_depend_on_the_ranks",
+        contact::independent_of_the_ranks,
+    ),
+    (
+        "a_short_periodic_box_is_refused_by_all_ranks",
+        contact::short_box,
     ),
     ("transfer_agrees_on_any_ranks", coupling::ranks_agree),
     (

@@ -97,9 +97,9 @@ impl Occupied {
             return false;
         }
         self.cut(nodes);
-        let free = !self.trial.iter().any(|piece| self.meets(piece))
-            && !(self.wraps && self.meets_itself());
-        if free {
+        let taken =
+            self.trial.iter().any(|piece| self.meets(piece)) || (self.wraps && self.meets_itself());
+        if !taken {
             for piece in &self.trial {
                 let cell = self.index(self.cell(&piece.middle()));
                 self.next.push(self.first[cell]);
@@ -107,7 +107,7 @@ impl Occupied {
                 self.pieces.push(*piece);
             }
         }
-        free
+        !taken
     }
 
     fn inside(&self, x: &Vector3) -> bool {

@@ -1,0 +1,201 @@
+//! Contacts of segments that different ranks own.
+
+use super::{Outcome, ensure};
+use fibreflow_fibre::contact::{
+    ContactError, ContactSettings, ContactSystem, FrictionRecord, NormalDamping, SegmentLoad,
+    Segments, Wall,
+};
+use fibreflow_fibre::{PeriodicBox, Vector3};
+use fibreflow_parallel::Communicator;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+const EDGE: f64 = 4.0;
+
+/// Segments and their motion, all of them or those of a rank.
+#[derive(Clone, Default)]
+struct Cloud {
+    ids: Vec<u64>,
+    /// Start, end, their velocities, angular velocity.
+    vectors: [Vec<Vector3>; 5],
+    radius: Vec<f64>,
+    mass: Vec<f64>,
+}
+
+impl Cloud {
+    /// Fibres of three segments in a box that repeats along x and z, between walls across y.
+    fn random(fibres: u64) -> Self {
+        let mut random = ChaCha8Rng::seed_from_u64(3);
+        let mut vector = |size: f64| Vector3::from_fn(|_, _| size * random.random_range(-1.0..1.0));
+        let mut cloud = Self::default();
+        for fibre in 0..fibres {
+            // Some are several periods away from the box.
+            let image = vector(2.4)
+                .map(f64::round)
+                .component_mul(&Vector3::new(EDGE, 0.0, EDGE));
+            let mut end = vector(0.5 * EDGE);
+            end.y *= 0.95;
+            end += image;
+            for segment in 0..3 {
+                let start = end;
+                end += vector(0.3);
+                cloud.ids.push(fibre << 20 | segment);
+                let motion = [start, end, vector(1.0), vector(1.0), vector(3.0)];
+                for (list, value) in cloud.vectors.iter_mut().zip(motion) {
+                    list.push(value);
+                }
+                cloud.radius.push(0.12 + vector(0.02).x);
+                cloud.mass.push(1.0 + vector(0.5).x);
+            }
+        }
+        cloud
+    }
+
+    /// The segments of the fibres that `mine` chooses, with their indices in the whole.
+    fn part(&self, mine: impl Fn(u64) -> bool) -> (Vec<usize>, Self) {
+        let indices: Vec<usize> = (0..self.ids.len())
+            .filter(|&i| mine(self.ids[i] >> 20))
+            .collect();
+        let pick = |values: &Vec<f64>| indices.iter().map(|&i| values[i]).collect();
+        let part = Self {
+            ids: indices.iter().map(|&i| self.ids[i]).collect(),
+            vectors: std::array::from_fn(|k| indices.iter().map(|&i| self.vectors[k][i]).collect()),
+            radius: pick(&self.radius),
+            mass: pick(&self.mass),
+        };
+        (indices, part)
+    }
+
+    fn segments(&self) -> Segments<'_> {
+        let [start, end, start_velocity, end_velocity, angular_velocity] = &self.vectors;
+        Segments {
+            ids: &self.ids,
+            start,
+            end,
+            start_velocity,
+            end_velocity,
+            angular_velocity,
+            radius: &self.radius,
+            mass: &self.mass,
+        }
+    }
+
+    fn loads(
+        &self,
+        contacts: &mut ContactSystem,
+        dt: f64,
+    ) -> Result<Vec<SegmentLoad>, ContactError> {
+        let mut loads = vec![SegmentLoad::default(); self.ids.len()];
+        contacts.update(&self.segments())?;
+        contacts.forces(&self.segments(), dt, &mut loads);
+        Ok(loads)
+    }
+
+    fn advance(&mut self, loads: &[SegmentLoad], dt: f64) {
+        let [start, end, start_velocity, end_velocity, _] = &mut self.vectors;
+        for (i, load) in loads.iter().enumerate() {
+            let per_mass = 2.0 * dt / self.mass[i];
+            start_velocity[i] += load.start_force * per_mass;
+            end_velocity[i] += load.end_force * per_mass;
+            start[i] += start_velocity[i] * dt;
+            end[i] += end_velocity[i] * dt;
+        }
+    }
+}
+
+fn settings(length: f64) -> ContactSettings {
+    let wall = |y: f64| Wall {
+        point: Vector3::new(0.0, y, 0.0),
+        normal: Vector3::new(0.0, -y, 0.0),
+    };
+    ContactSettings {
+        normal_stiffness: 1e4,
+        damping: NormalDamping::Restitution(0.6),
+        friction: 0.3,
+        tangential_ratio: 0.5,
+        skin: 0.03,
+        walls: vec![wall(0.5 * EDGE), wall(-0.5 * EDGE)],
+        periodic: PeriodicBox {
+            origin: Vector3::zeros(),
+            lengths: [Some(length), None, Some(length)],
+        },
+    }
+}
+
+/// Every rank also computes everything alone: its loads must be the same to the last bit, through searches, changes of
+/// owner and a restart from the records of the others.
+pub fn independent_of_the_ranks(communicator: &Communicator) -> Outcome {
+    let (rank, size) = (communicator.rank() as u64, communicator.size() as u64);
+    let alone = Communicator::single();
+    let mut whole = Cloud::random(250);
+    let mut expected = ContactSystem::new(settings(EDGE), &alone)?;
+    let mut shared = ContactSystem::new(settings(EDGE), communicator)?;
+    let dt = 1e-3;
+    let mut rebuilds = 0;
+    for step in 0..60u64 {
+        // Owners change every ten steps.
+        let (indices, part) = whole.part(|fibre| (fibre * (1 + step / 10)) % size == rank);
+        if step == 35 {
+            rebuilds = shared.statistics().rebuilds;
+            shared = resumed(communicator, &shared)?;
+        }
+        let loads = whole.loads(&mut expected, dt)?;
+        let own = part.loads(&mut shared, dt)?;
+        let equal = indices.iter().zip(&own).all(|(&i, load)| loads[i] == *load);
+        ensure(!communicator.any(!equal), || {
+            format!("loads differ in step {step}")
+        })?;
+        let (ours, all) = (shared.statistics(), expected.statistics());
+        let counts = [ours.contacts, ours.wall_contacts];
+        ensure(counts == [all.contacts, all.wall_contacts], || {
+            format!("{ours:?} instead of {all:?} in step {step}")
+        })?;
+        ensure(ours.contacts > 40 && ours.wall_contacts > 2, || {
+            format!("too few contacts to tell: {ours:?}")
+        })?;
+        ensure(
+            (ours.stored_energy / all.stored_energy - 1.0).abs() < 1e-12,
+            || format!("energies differ: {ours:?} and {all:?}"),
+        )?;
+        let step_size = shared.critical_step(&part.segments());
+        ensure(
+            step_size == expected.critical_step(&whole.segments()),
+            || "critical steps differ".into(),
+        )?;
+        whole.advance(&loads, dt);
+    }
+    rebuilds += shared.statistics().rebuilds;
+    ensure(rebuilds > 12, || format!("only {rebuilds} searches"))?;
+    let springs = communicator.sum_count(shared.records().len());
+    ensure(springs == expected.records().len() && springs > 30, || {
+        format!("{springs} springs of {}", expected.records().len())
+    })
+}
+
+/// A new system from the records of the next rank.
+fn resumed(
+    communicator: &Communicator,
+    old: &ContactSystem,
+) -> Result<ContactSystem, Box<dyn std::error::Error>> {
+    let size = communicator.size();
+    let mut outgoing: Vec<Vec<FrictionRecord>> = vec![Vec::new(); size];
+    outgoing[(communicator.rank() + 1) % size] = old.records();
+    let records = communicator.exchange(outgoing).into_iter().flatten();
+    let mut new = ContactSystem::new(settings(EDGE), communicator)?;
+    new.restore_records(records.collect());
+    Ok(new)
+}
+
+/// Only one rank holds segments; all must hear that the box is too short for them.
+pub fn short_box(communicator: &Communicator) -> Outcome {
+    let (_, part) = Cloud::random(20).part(|_| communicator.is_root());
+    let mut contacts = ContactSystem::new(settings(0.9), communicator)?;
+    let error = contacts.update(&part.segments()).err();
+    ensure(
+        matches!(
+            error,
+            Some(ContactError::PeriodicTooShort { axis: 'x', .. })
+        ),
+        || format!("{error:?} instead of a refusal"),
+    )
+}
