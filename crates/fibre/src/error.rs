@@ -1,6 +1,7 @@
 //! Errors of the fibre crate.
 
 use crate::Vector3;
+use crate::contact::ContactError;
 
 /// What can be wrong with fibres, at set-up or in time.
 #[derive(Debug, thiserror::Error)]
@@ -97,6 +98,9 @@ pub enum FibreError {
         /// What is allowed.
         requirement: &'static str,
     },
+    /// Contacts cannot be computed.
+    #[error(transparent)]
+    Contact(#[from] ContactError),
     /// The flow is not given at all points.
     #[error("the fibres have {points} hydrodynamic points but the flow is given at {given}")]
     AmbientSize {

@@ -11,7 +11,7 @@ use crate::beam::{Motion as EndMotion, Pose, tangent};
 use crate::drag::{Hydrodynamics, NodeDrag, PointDrag};
 use crate::hydrodynamics::AmbientFlow;
 use crate::system::{Load, Model, Motion, NodeConstants, Scratch};
-use crate::{Ambient, FibreError, FibreSystem, Quaternion, Reaction, Vector3};
+use crate::{Ambient, FibreError, FibreSettings, FibreSystem, Quaternion, Reaction, Vector3};
 
 /// The moving state and scratch of a run of consecutive fibres.
 pub(crate) struct Batch<'a> {
@@ -260,9 +260,22 @@ pub(crate) fn sub_steps(dt: f64, limit: f64) -> (usize, f64) {
 
 /// The law and the flow at the points, for a step.
 #[derive(Clone, Copy)]
-struct Flow<'a> {
+pub(crate) struct Flow<'a> {
     law: &'a Hydrodynamics,
     ambient: &'a Ambient,
+}
+
+impl<'a> Flow<'a> {
+    pub fn new(
+        ambient: Option<&'a Ambient>,
+        settings: &'a FibreSettings,
+    ) -> Result<Option<Self>, FibreError> {
+        match (ambient, &settings.hydrodynamics) {
+            (None, _) => Ok(None),
+            (Some(ambient), Some(law)) => Ok(Some(Self { law, ambient })),
+            (Some(_), None) => Err(FibreError::NoHydrodynamics),
+        }
+    }
 }
 
 impl Batch<'_> {
@@ -275,7 +288,7 @@ impl Batch<'_> {
         self.end(model, flow);
     }
 
-    fn begin(&mut self, model: &Model, flow: Option<Flow>, step: f64) {
+    pub fn begin(&mut self, model: &Model, flow: Option<Flow>, step: f64) {
         if let Some(flow) = flow {
             self.prepare_drag(model, flow.law, flow.ambient, step);
         }
@@ -283,7 +296,7 @@ impl Batch<'_> {
     }
 
     /// Sub-step `k` of `n` from the middle of its first drift on, with that of the next one.
-    fn sub_step(&mut self, model: &Model, drag: bool, k: usize, n: usize, step: f64) {
+    pub fn sub_step(&mut self, model: &Model, drag: bool, k: usize, n: usize, step: f64) {
         self.add_forces(model);
         if drag {
             self.kick_with_drag(model, step, 1.0 / n as f64);
@@ -293,7 +306,7 @@ impl Batch<'_> {
         self.drift(model, if k + 1 < n { step } else { 0.5 * step });
     }
 
-    fn end(&mut self, model: &Model, flow: Option<Flow>) {
+    pub fn end(&mut self, model: &Model, flow: Option<Flow>) {
         if let Some(flow) = flow {
             self.react(model, flow.ambient);
         }
@@ -354,13 +367,37 @@ impl FibreSystem {
     }
 
     fn run(&mut self, ambient: Option<&Ambient>, dt: f64) -> Result<(), FibreError> {
-        let flow = match (ambient, &self.settings.hydrodynamics) {
-            (None, _) => None,
-            (Some(ambient), Some(law)) => Some(Flow { law, ambient }),
-            (Some(_), None) => return Err(FibreError::NoHydrodynamics),
+        if !(dt > 0.0 && dt.is_finite()) {
+            return Err(FibreError::Setting {
+                setting: "time step",
+                value: dt,
+                requirement: "positive and finite",
+            });
+        }
+        let result = match self.touching.take() {
+            None => self.run_apart(ambient, dt),
+            Some(mut touching) => {
+                let result = self.run_together(&mut touching, ambient, dt);
+                self.touching = Some(touching);
+                result
+            }
         };
+        // Names the fibre when contacts only say that something is not finite.
+        self.check_finite()?;
+        result
+    }
+
+    /// One step of every fibre for itself, through all its sub-steps while it is in cache.
+    fn run_apart(&mut self, ambient: Option<&Ambient>, dt: f64) -> Result<(), FibreError> {
+        let flow = Flow::new(ambient, &self.settings)?;
         let model = &self.model;
         let safety = self.settings.step_safety;
+        self.work = (0, 0);
+        for (f, fibre) in model.fibres.iter().enumerate() {
+            let (n, _) = sub_steps(dt, safety * fibre.critical_step);
+            let segments = model.segment_range(f).len();
+            self.work = (self.work.0.max(n), self.work.1 + n * segments);
+        }
         let all = Batch::all(
             model,
             &mut self.motion,
@@ -372,6 +409,6 @@ impl FibreSystem {
             let (n, step) = sub_steps(dt, safety * critical);
             fibre.advance_alone(model, flow, n, step);
         });
-        self.check_finite()
+        Ok(())
     }
 }

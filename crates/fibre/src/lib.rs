@@ -18,6 +18,7 @@ mod periodic;
 mod points;
 mod shape;
 mod system;
+mod touching;
 
 pub use drag::Hydrodynamics;
 pub use error::FibreError;

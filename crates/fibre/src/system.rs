@@ -1,9 +1,11 @@
 //! All fibres of a rank in flat arrays.
 
 use crate::beam::{Pose, Segment};
+use crate::contact::{ContactSettings, ContactSystem};
 use crate::drag::{Hydrodynamics, NodeDrag, PointDrag};
 use crate::points::{abscissa, point_count};
 use crate::shape::{Fibre, Material, SEGMENT_BITS, prepare};
+use crate::touching::Touching;
 use crate::{Ambient, FibreError, Points, Quaternion, Reaction, Vector3};
 use fibreflow_parallel::Communicator;
 
@@ -16,6 +18,8 @@ pub struct FibreSettings {
     pub buoyant_density: f64,
     /// How the flow acts on the fibres; none for fibres in vacuum.
     pub hydrodynamics: Option<Hydrodynamics>,
+    /// Contacts; none for fibres that pass through each other.
+    pub contacts: Option<ContactSettings>,
     /// Sub-step over critical step, in (0, 1).
     pub step_safety: f64,
 }
@@ -26,6 +30,7 @@ impl Default for FibreSettings {
             gravity: Vector3::zeros(),
             buoyant_density: 0.0,
             hydrodynamics: None,
+            contacts: None,
             step_safety: 0.7,
         }
     }
@@ -117,6 +122,7 @@ pub struct FibreSystem {
     pub(crate) settings: FibreSettings,
     pub(crate) model: Model,
     pub(crate) motion: Motion,
+    pub(crate) touching: Option<Touching>,
     pub(crate) scratch: Scratch,
     pub(crate) reaction: Reaction,
     /// (sub-steps of the fibre with the most, segment sub-steps) of the last step.
@@ -141,9 +147,14 @@ impl FibreSystem {
         if let Some(pair) = fibres.windows(2).find(|w| w[0].id == w[1].id) {
             return Err(FibreError::DuplicateId { fibre: pair[0].id });
         }
+        let touching = match &settings.contacts {
+            Some(contacts) => Some(Touching::new(contacts.clone(), &communicator)?),
+            None => None,
+        };
         let mut system = Self {
             communicator,
             settings,
+            touching,
             model: Model {
                 offsets: vec![0],
                 points: vec![0],
@@ -249,6 +260,9 @@ impl FibreSystem {
             self.scratch.drag.resize(nodes, NodeDrag::zero());
             self.scratch.point_drag.resize(points, PointDrag::zero());
         }
+        if let Some(touching) = &mut self.touching {
+            touching.rebuild(&self.model);
+        }
     }
 
     /// Sub-steps of the last step, largest of this rank's fibres.
@@ -290,6 +304,11 @@ impl FibreSystem {
     /// The ranks that share the fibres.
     pub fn communicator(&self) -> &Communicator {
         &self.communicator
+    }
+
+    /// Contacts, if the settings have any.
+    pub fn contacts(&self) -> Option<&ContactSystem> {
+        self.touching.as_ref().map(|touching| &touching.contacts)
     }
 
     /// Number of fibres of this rank.
