@@ -40,6 +40,7 @@ mpi_checks! {
     a_short_periodic_box_is_refused_by_all_ranks,
     transfer_agrees_on_any_ranks,
     crowded_fibres_are_handed_out,
+    multigrid_ranks_agree,
 }
 
 /// A failing check must fail: otherwise nothing here can.

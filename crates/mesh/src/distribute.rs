@@ -194,7 +194,9 @@ fn node_parts(mesh: &Mesh, ranks: usize) -> Result<Vec<u32>, MeshError> {
         return Ok(vec![0; mesh.nodes.len()]);
     }
     let graph = NodeGraph::new(&mesh.elements, mesh.nodes.len());
+    let costs = graph.cutting_costs(mesh);
     let graph = Graph {
+        weights: &costs,
         offsets: &graph.offsets,
         columns: &graph.columns,
         coordinates: &mesh.nodes,

@@ -8,6 +8,8 @@ pub struct Graph<'a> {
     pub offsets: &'a [u32],
     /// Neighbours.
     pub columns: &'a [u32],
+    /// Cost of cutting every entry of `columns`, from 1, the same in both directions.
+    pub weights: &'a [u32],
     /// Node coordinates \[m\], for the geometric fallback.
     pub coordinates: &'a [[f64; 3]],
 }
@@ -39,9 +41,11 @@ fn kway(graph: &Graph<'_>, parts: usize) -> Result<Vec<u32>, ParallelError> {
     let failed = |reason: String| ParallelError::Partition { parts, reason };
     let offsets: Vec<metis::Idx> = graph.offsets.iter().map(|&x| x as metis::Idx).collect();
     let columns: Vec<metis::Idx> = graph.columns.iter().map(|&x| x as metis::Idx).collect();
+    let weights: Vec<metis::Idx> = graph.weights.iter().map(|&x| x as metis::Idx).collect();
     let mut part = vec![0 as metis::Idx; nodes];
     metis::Graph::new(1, parts as metis::Idx, &offsets, &columns)
         .map_err(|e| failed(e.to_string()))?
+        .set_adjwgt(&weights)
         .set_option(metis::option::Seed(1))
         .part_kway(&mut part)
         .map_err(|e| failed(e.to_string()))?;
@@ -144,6 +148,7 @@ mod tests {
         let graph = Graph {
             offsets: &offsets,
             columns: &columns,
+            weights: &vec![1; columns.len()],
             coordinates: &coordinates,
         };
         for parts in [2, 3, 4] {

@@ -11,6 +11,7 @@ mod distribution;
 mod geometry;
 mod halo;
 pub mod meshes;
+mod poisson;
 
 /// What a failing check says.
 pub type Outcome = Result<(), Box<dyn std::error::Error>>;
@@ -55,6 +56,7 @@ pub const CHECKS: &[(&str, Check)] = &[
         "crowded_fibres_are_handed_out",
         coupling::crowded_fibres_are_handed_out,
     ),
+    ("multigrid_ranks_agree", poisson::ranks_agree),
 ];
 
 /// Error with a message unless `holds`.
