@@ -41,6 +41,7 @@ mpi_checks! {
     transfer_agrees_on_any_ranks,
     crowded_fibres_are_handed_out,
     multigrid_ranks_agree,
+    multigrid_where_strong_couplings_are_cut,
 }
 
 /// A failing check must fail: otherwise nothing here can.

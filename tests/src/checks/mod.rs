@@ -57,6 +57,10 @@ pub const CHECKS: &[(&str, Check)] = &[
         coupling::crowded_fibres_are_handed_out,
     ),
     ("multigrid_ranks_agree", poisson::ranks_agree),
+    (
+        "multigrid_where_strong_couplings_are_cut",
+        poisson::strong_couplings_cut,
+    ),
 ];
 
 /// Error with a message unless `holds`.

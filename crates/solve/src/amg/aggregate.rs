@@ -8,11 +8,22 @@ pub(super) const NONE: u32 = u32::MAX;
 /// A row whose shift exceeds this multiple of its couplings is left to the smoother.
 const DOMINANT: f64 = 4.0;
 
+/// Whether couplings to other ranks count among the strong ones of a row, though they cannot be aggregated along.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Abroad {
+    /// A row whose strong neighbours are foreign is not merged with one that it hardly feels.
+    Heed,
+    /// Such rows are merged all the same, so that coarsening goes on.
+    Ignore,
+}
+
 /// Couplings between the rows (later: aggregates) of one rank; no self-couplings, no duplicates.
 struct Graph {
     offsets: Vec<u32>,
     columns: Vec<u32>,
     weights: Vec<f64>,
+    /// Strongest coupling of every row to another rank.
+    abroad: Vec<f64>,
 }
 
 /// Aggregate of every owned row, and the number of aggregates.
@@ -20,7 +31,12 @@ struct Graph {
 /// Each of `pairings` rounds about doubles the size. A row pairs with its strongest free neighbour when that coupling
 /// is at least `strength` times its strongest one, so that on stretched cells aggregates grow along the short side
 /// first. Sequential in row order: the same for any number of threads.
-pub(super) fn aggregate(matrix: &PairMatrix, pairings: usize, strength: f64) -> (Vec<u32>, usize) {
+pub(super) fn aggregate(
+    matrix: &PairMatrix,
+    pairings: usize,
+    strength: f64,
+    abroad: Abroad,
+) -> (Vec<u32>, usize) {
     let owned = matrix.owned();
     let mut aggregates = vec![NONE; owned];
     let mut count = 0;
@@ -33,14 +49,19 @@ pub(super) fn aggregate(matrix: &PairMatrix, pairings: usize, strength: f64) -> 
     }
     let own = |(j, w): (usize, f64)| (j < owned).then_some((j as u32, w));
     let rows = |i: usize| matrix.row(i).filter_map(own);
-    let mut graph = collapse(owned, rows, &aggregates, count);
+    let heed = abroad == Abroad::Heed;
+    let abroad = |i: usize| {
+        let foreign = matrix.row(i).filter(|&(j, _)| heed && j >= owned);
+        foreign.fold(0.0, |s: f64, (_, w)| s.max(w))
+    };
+    let mut graph = collapse(rows, abroad, &aggregates, count);
     for _ in 0..pairings {
         let (pairs, pair_count) = pair(&graph, strength);
         for aggregate in aggregates.iter_mut().filter(|a| **a != NONE) {
             *aggregate = pairs[*aggregate as usize];
         }
         let rows = |i: usize| graph.row(i);
-        graph = collapse(count, rows, &pairs, pair_count);
+        graph = collapse(rows, |i| graph.abroad[i], &pairs, pair_count);
         count = pair_count;
     }
     (aggregates, count)
@@ -69,7 +90,9 @@ fn pair(graph: &Graph, strength: f64) -> (Vec<u32>, usize) {
         if pairs[i] != NONE {
             continue;
         }
-        let strongest = graph.row(i).fold(0.0, |s: f64, (_, w)| s.max(w));
+        let strongest = graph
+            .row(i)
+            .fold(graph.abroad[i], |s: f64, (_, w)| s.max(w));
         // The first of equals, so that ties do not depend on anything but the order of the rows.
         let best = |accepted: &dyn Fn(u32) -> bool| {
             let strong = |w: f64| w > 0.0 && w >= strength * strongest;
@@ -95,21 +118,28 @@ fn pair(graph: &Graph, strength: f64) -> (Vec<u32>, usize) {
     (pairs, sizes.len())
 }
 
-/// Couplings between groups of rows: sums over the members.
-fn collapse<R>(rows: usize, row: impl Fn(usize) -> R, groups: &[u32], count: usize) -> Graph
+/// Couplings between groups of rows: sums over the members; `abroad`: the largest of them.
+fn collapse<R>(
+    row: impl Fn(usize) -> R,
+    abroad: impl Fn(usize) -> f64,
+    groups: &[u32],
+    count: usize,
+) -> Graph
 where
     R: Iterator<Item = (u32, f64)>,
 {
-    let (starts, members) = members(&groups[..rows], count);
+    let (starts, members) = members(groups, count);
     let mut graph = Graph {
         offsets: vec![0],
         columns: Vec::new(),
         weights: Vec::new(),
+        abroad: vec![0.0; count],
     };
     let mut place = vec![0u32; count];
     for group in 0..count {
         let first = graph.columns.len();
         for &i in &members[starts[group] as usize..starts[group + 1] as usize] {
+            graph.abroad[group] = graph.abroad[group].max(abroad(i as usize));
             for (j, w) in row(i as usize) {
                 let other = groups[j as usize];
                 if other == NONE || other as usize == group {

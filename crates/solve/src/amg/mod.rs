@@ -9,13 +9,16 @@
 //! Negative couplings (obtuse tetrahedra) stay in every level: sums over aggregates cancel most of them, where lumping
 //! them to the diagonal doubled the iterations on flat tetrahedra. They never join rows.
 //!
-//! Aggregates stay on their rank; the coarsest level is solved directly on all of them.
+//! Aggregates stay on their rank; the coarsest level is solved directly on all of them. Rows whose strong couplings
+//! lead to other ranks are carried there unmerged: with them merged along weak ones, a mesh stretched 1:1000 took
+//! 85 and 176 iterations on two and three ranks instead of 51 on one; so it takes 52 and 59.
 
 mod aggregate;
 mod coarsest;
 mod level;
 
 use crate::{PairMatrix, Preconditioner, SolveError};
+use aggregate::{Abroad, aggregate};
 use coarsest::Coarsest;
 use level::Level;
 
@@ -47,7 +50,7 @@ impl Default for AmgSettings {
 }
 
 /// Largest matrix that is still solved directly when coarsening comes to a halt.
-const DIRECT_LIMIT: usize = 3000;
+const DIRECT_LIMIT: usize = 1500;
 
 /// The preconditioner.
 #[derive(Clone, Debug)]
@@ -67,7 +70,7 @@ impl Amg {
     ///
     /// # Errors
     /// [`SolveError::Coarsest`] when the coarsest matrix is not positive definite (a mesh in several pieces without
-    /// Dirichlet nodes) or when coarsening stalls above 3000 unknowns.
+    /// Dirichlet nodes) or when coarsening stalls above 1500 unknowns.
     pub fn new(matrix: &PairMatrix, settings: AmgSettings) -> Result<Self, SolveError> {
         let communicator = matrix.halo().communicator().clone();
         let mut current = matrix.without_lifted();
@@ -80,14 +83,17 @@ impl Amg {
             if size <= settings.coarsest {
                 break;
             }
-            let (aggregates, count) =
-                aggregate::aggregate(&current, settings.pairings, settings.strength);
-            let coarse_size = communicator.sum_count(count);
-            if coarse_size * 5 > size * 4 {
-                if size > DIRECT_LIMIT {
+            let stalled = |count: usize| communicator.sum_count(count) * 5 > size * 4;
+            let group = |abroad| aggregate(&current, settings.pairings, settings.strength, abroad);
+            let (mut aggregates, mut count) = group(Abroad::Heed);
+            if stalled(count) {
+                if size <= DIRECT_LIMIT {
+                    break;
+                }
+                (aggregates, count) = group(Abroad::Ignore);
+                if stalled(count) {
                     return Err(SolveError::Coarsest { unknowns: size });
                 }
-                break;
             }
             let coarse = level::galerkin(&current, &aggregates, count)?;
             levels.push(Level::new(current, aggregates, count));
