@@ -98,6 +98,22 @@ pub enum FibreError {
         /// What is allowed.
         requirement: &'static str,
     },
+    /// A stored fibre cannot be read.
+    #[error("the record of fibre {fibre} cannot be read: {reason}")]
+    Record {
+        /// Global id.
+        fibre: u64,
+        /// What is wrong.
+        reason: &'static str,
+    },
+    /// A list of owners does not fit.
+    #[error("{given} owners are given for {fibres} fibres, or one of them is not a rank")]
+    Owners {
+        /// Fibres of this rank.
+        fibres: usize,
+        /// Owners given.
+        given: usize,
+    },
     /// Contacts cannot be computed.
     #[error(transparent)]
     Contact(#[from] ContactError),

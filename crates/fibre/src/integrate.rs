@@ -146,9 +146,10 @@ impl<'a> Batch<'a> {
     /// Adds the elastic, viscous and given forces on one fibre's nodes to `load`.
     pub fn add_forces(&mut self, model: &Model) {
         let fibre = self.fibres.start;
-        let given = &model.loads[model.node_range(fibre)];
-        for (load, given) in self.load.iter_mut().zip(given) {
-            load.force += given.force;
+        let range = model.node_range(fibre);
+        let given = model.nodes[range.clone()].iter().zip(&model.loads[range]);
+        for (load, (node, given)) in self.load.iter_mut().zip(given) {
+            load.force += given.force + node.weight;
             load.torque += given.torque;
         }
         let segments = &model.segments[model.segment_range(fibre)];

@@ -13,10 +13,12 @@ mod blocktri;
 mod drag;
 mod error;
 mod integrate;
+mod migrate;
 mod observe;
 mod periodic;
 mod points;
 mod shape;
+mod state;
 mod system;
 mod touching;
 
@@ -26,6 +28,7 @@ pub use observe::Energy;
 pub use periodic::PeriodicBox;
 pub use points::{Ambient, Points, Reaction};
 pub use shape::{Equilibrium, Fibre, Material, Support};
+pub use state::{FibreRecord, FibreState};
 pub use system::{FibreSettings, FibreSystem};
 
 /// A vector in space.

@@ -59,7 +59,7 @@ impl FibreSystem {
         Energy {
             kinetic: sum(nodes, kinetic),
             elastic,
-            potential: sum(nodes, |i| -self.model.loads[i].force.dot(&m.position[i])),
+            potential: sum(nodes, |i| -self.given_force(i).dot(&m.position[i])),
         }
     }
 
@@ -90,7 +90,11 @@ impl FibreSystem {
 
     /// Sum of weight (less buoyancy) and point forces \[N\].
     pub fn applied_force(&self) -> Vector3 {
-        sum_vectors(self.model.nodes.len(), |i| self.model.loads[i].force)
+        sum_vectors(self.model.nodes.len(), |i| self.given_force(i))
+    }
+
+    fn given_force(&self, node: usize) -> Vector3 {
+        self.model.loads[node].force + self.model.nodes[node].weight
     }
 
     /// Vector from the first to the last node of a local fibre \[m\].

@@ -55,7 +55,25 @@ impl Material {
         0.5 * (1.0 + (7.0 + 6.0 * poisson) / 3.0)
     }
 
-    fn check(&self, fibre: u64) -> Result<(), FibreError> {
+    /// A segment of this material.
+    pub(crate) fn segment(
+        &self,
+        rest_length: f64,
+        start_frame: Quaternion,
+        end_frame: Quaternion,
+    ) -> Segment {
+        Segment {
+            rest_length,
+            axial: self.youngs_modulus * self.area() / rest_length,
+            bending: self.bending_stiffness() / rest_length,
+            torsion: 2.0 * self.shear_modulus * self.second_moment() / rest_length,
+            retardation: self.retardation,
+            start_frame,
+            end_frame,
+        }
+    }
+
+    pub(crate) fn check(&self, fibre: u64) -> Result<(), FibreError> {
         let positive = [
             ("radius", self.radius),
             ("Young's modulus", self.youngs_modulus),
@@ -230,14 +248,9 @@ pub(crate) fn prepare(fibre: &Fibre) -> Result<Prepared, FibreError> {
         .iter()
         .zip(&rest_lengths)
         .enumerate()
-        .map(|(s, (frame, &length))| Segment {
-            rest_length: length,
-            axial: material.youngs_modulus * material.area() / length,
-            bending: material.bending_stiffness() / length,
-            torsion: 2.0 * material.shear_modulus * material.second_moment() / length,
-            retardation: material.retardation,
-            start_frame: rest_nodes[s].inverse() * frame,
-            end_frame: rest_nodes[s + 1].inverse() * frame,
+        .map(|(s, (frame, &length))| {
+            let offset = |node: usize| rest_nodes[node].inverse() * frame;
+            material.segment(length, offset(s), offset(s + 1))
         })
         .collect();
     let orientation = match fibre.equilibrium {

@@ -45,11 +45,13 @@ pub(crate) struct NodeConstants {
     pub transverse_inertia: f64,
     /// Rotary inertia about the tangent \[kg·m²\].
     pub axial_inertia: f64,
+    /// Weight less buoyancy \[N\].
+    pub weight: Vector3,
     pub holds_translation: bool,
     pub holds_rotation: bool,
 }
 
-/// Given force and torque on a node, constant in time and direction; weight is added to `force` at set-up.
+/// Force \[N\] and torque \[N·m\] on a node.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Load {
     pub force: Vector3,
@@ -81,7 +83,7 @@ pub(crate) struct Model {
     /// First node of each fibre, and the number of nodes at the end.
     pub offsets: Vec<usize>,
     pub nodes: Vec<NodeConstants>,
-    /// Point loads and weight.
+    /// Given loads, constant in time and direction.
     pub loads: Vec<Load>,
     /// Segments of fibre f start at `offsets\[f\] - f`.
     pub segments: Vec<Segment>,
@@ -90,6 +92,14 @@ pub(crate) struct Model {
 }
 
 impl Model {
+    fn empty() -> Self {
+        Self {
+            offsets: vec![0],
+            points: vec![0],
+            ..Self::default()
+        }
+    }
+
     pub fn node_range(&self, fibre: usize) -> std::ops::Range<usize> {
         self.offsets[fibre]..self.offsets[fibre + 1]
     }
@@ -155,11 +165,7 @@ impl FibreSystem {
             communicator,
             settings,
             touching,
-            model: Model {
-                offsets: vec![0],
-                points: vec![0],
-                ..Model::default()
-            },
+            model: Model::empty(),
             motion: Motion::default(),
             scratch: Scratch::default(),
             reaction: Reaction::default(),
@@ -172,6 +178,12 @@ impl FibreSystem {
         }
         system.resize_scratch();
         Ok(system)
+    }
+
+    /// Drops all fibres.
+    pub(crate) fn clear(&mut self) {
+        self.model = Model::empty();
+        self.motion = Motion::default();
     }
 
     fn push(&mut self, fibre: &Fibre) -> Result<(), FibreError> {
@@ -224,13 +236,11 @@ impl FibreSystem {
                 mass,
                 transverse_inertia: mass * transverse_per_mass,
                 axial_inertia: mass * axial_per_mass,
+                weight: weight_per_mass * mass,
                 holds_translation,
                 holds_rotation,
             });
-            self.model.loads.push(Load {
-                force: weight_per_mass * mass,
-                torque: Vector3::zeros(),
-            });
+            self.model.loads.push(Load::ZERO);
         }
         self.model.fibres.push(FibreConstants {
             id,

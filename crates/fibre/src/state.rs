@@ -1,0 +1,243 @@
+//! The state of fibres as records of 64-bit words that any rank can read: for checkpoints and changes of owner.
+
+use crate::contact::FrictionRecord;
+use crate::shape::{Material, SEGMENT_BITS};
+use crate::system::Load;
+use crate::touching::Touching;
+use crate::{FibreError, FibreSystem, Quaternion, Vector3};
+
+/// One fibre: constants, loads, motion, and the friction springs of its segments against segments of higher id and
+/// walls.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FibreRecord {
+    /// Global id.
+    pub id: u64,
+    /// Contents; floating-point numbers by their bits.
+    pub words: Vec<u64>,
+}
+
+/// The fibres of a rank.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FibreState {
+    /// One for each fibre, in the order of the ids. They may be spread over other ranks, and other numbers of ranks,
+    /// before they are restored.
+    pub records: Vec<FibreRecord>,
+    /// Numbers of the whole system, the same on every rank.
+    pub scalars: Vec<(String, f64)>,
+}
+
+const CONTACT_STEP: &str = "fibre.contact_step";
+
+impl FibreSystem {
+    /// All that decides how the fibres of this rank move on, given the settings: a restored system continues bitwise.
+    pub fn state(&self) -> FibreState {
+        let mut springs = self.contacts().map_or(Vec::new(), |c| c.records());
+        springs.sort_unstable_by_key(|spring| (spring.a, spring.b));
+        let contact_step = self.touching.as_ref().and_then(|t| t.critical_step);
+        FibreState {
+            records: (0..self.fibres())
+                .map(|f| self.record(f, &springs))
+                .collect(),
+            scalars: contact_step
+                .map(|v| (CONTACT_STEP.into(), v))
+                .into_iter()
+                .collect(),
+        }
+    }
+
+    /// Replaces the fibres of this rank by those of the records.
+    ///
+    /// # Errors
+    /// [`FibreError::Record`], [`FibreError::DuplicateId`]; the system then holds no fibres.
+    pub fn restore(&mut self, state: FibreState) -> Result<(), FibreError> {
+        if let Some(settings) = &self.settings.contacts {
+            let touching = Touching::new(settings.clone(), &self.communicator)?;
+            let touching = self.touching.insert(touching);
+            let step = state.scalars.iter().find(|(name, _)| name == CONTACT_STEP);
+            touching.critical_step = step.map(|(_, value)| *value);
+        }
+        self.rebuild(state.records)
+    }
+
+    /// Replaces the fibres of this rank, and hands friction springs in the records to the contacts.
+    pub(crate) fn rebuild(&mut self, mut records: Vec<FibreRecord>) -> Result<(), FibreError> {
+        records.sort_by_key(|record| record.id);
+        self.clear();
+        let mut springs = Vec::new();
+        for (k, record) in records.iter().enumerate() {
+            let twice = k > 0 && records[k - 1].id == record.id;
+            let result = if twice {
+                Err(FibreError::DuplicateId { fibre: record.id })
+            } else {
+                self.read(record, &mut springs)
+            };
+            if let Err(error) = result {
+                self.clear();
+                self.resize_scratch();
+                return Err(error);
+            }
+        }
+        self.resize_scratch();
+        if let Some(touching) = &mut self.touching
+            && !springs.is_empty()
+        {
+            touching.contacts.restore_records(springs);
+        }
+        Ok(())
+    }
+
+    /// One fibre with those of the `springs` (in ascending order) that its segments come first in.
+    pub(crate) fn record(&self, fibre: usize, springs: &[FrictionRecord]) -> FibreRecord {
+        let model = &self.model;
+        let constants = &model.fibres[fibre];
+        let mut words = Words(Vec::new());
+        let nodes = model.node_range(fibre);
+        words.0.push(nodes.len() as u64);
+        let m = &constants.material;
+        words.numbers(&[
+            m.radius,
+            m.youngs_modulus,
+            m.shear_modulus,
+            m.density,
+            m.retardation,
+        ]);
+        for i in nodes {
+            let node = &model.nodes[i];
+            words
+                .0
+                .push(u64::from(node.holds_translation) | u64::from(node.holds_rotation) << 1);
+            let motion = &self.motion;
+            for v in [
+                &model.loads[i].force,
+                &model.loads[i].torque,
+                &motion.position[i],
+                &motion.velocity[i],
+                &motion.angular_velocity[i],
+            ] {
+                words.numbers(v.as_slice());
+            }
+            words.numbers(motion.orientation[i].coords.as_slice());
+        }
+        for segment in &model.segments[model.segment_range(fibre)] {
+            words.numbers(&[segment.rest_length]);
+            words.numbers(segment.start_frame.coords.as_slice());
+            words.numbers(segment.end_frame.coords.as_slice());
+        }
+        let below = |id: u64| springs.partition_point(|s| s.a >> SEGMENT_BITS < id);
+        for spring in &springs[below(constants.id)..below(constants.id + 1)] {
+            words.0.extend([spring.a, spring.b]);
+            words.numbers(&spring.spring);
+        }
+        FibreRecord {
+            id: constants.id,
+            words: words.0,
+        }
+    }
+
+    fn read(
+        &mut self,
+        record: &FibreRecord,
+        springs: &mut Vec<FrictionRecord>,
+    ) -> Result<(), FibreError> {
+        let mut reader = Reader {
+            fibre: record.id,
+            words: &record.words,
+        };
+        let nodes = reader.word()? as usize;
+        // A node has more words than one, so a count above their number is nonsense, however large.
+        if nodes < 2 || nodes > record.words.len() {
+            return Err(reader.error("it has an impossible number of nodes"));
+        }
+        let [radius, youngs_modulus, shear_modulus, density, retardation] = reader.numbers()?;
+        let material = Material {
+            radius,
+            youngs_modulus,
+            shear_modulus,
+            density,
+            retardation,
+        };
+        material.check(record.id)?;
+        let mut held = Vec::with_capacity(nodes);
+        let mut loads = Vec::with_capacity(nodes);
+        for _ in 0..nodes {
+            let flags = reader.word()?;
+            held.push((flags & 1 != 0, flags & 2 != 0));
+            loads.push(Load {
+                force: reader.vector()?,
+                torque: reader.vector()?,
+            });
+            self.motion.position.push(reader.vector()?);
+            self.motion.velocity.push(reader.vector()?);
+            self.motion.angular_velocity.push(reader.vector()?);
+            self.motion.orientation.push(reader.quaternion()?);
+        }
+        let segments = (1..nodes)
+            .map(|_| {
+                let [rest_length] = reader.numbers()?;
+                Ok(material.segment(rest_length, reader.quaternion()?, reader.quaternion()?))
+            })
+            .collect::<Result<_, FibreError>>()?;
+        while !reader.words.is_empty() {
+            springs.push(FrictionRecord {
+                a: reader.word()?,
+                b: reader.word()?,
+                spring: reader.numbers()?,
+            });
+        }
+        self.push_constants(record.id, material, segments, &held);
+        let first = self.model.loads.len() - nodes;
+        self.model.loads[first..].copy_from_slice(&loads);
+        Ok(())
+    }
+}
+
+struct Words(Vec<u64>);
+
+impl Words {
+    fn numbers(&mut self, values: &[f64]) {
+        self.0.extend(values.iter().map(|v| v.to_bits()));
+    }
+}
+
+struct Reader<'a> {
+    fibre: u64,
+    words: &'a [u64],
+}
+
+impl Reader<'_> {
+    fn error(&self, reason: &'static str) -> FibreError {
+        FibreError::Record {
+            fibre: self.fibre,
+            reason,
+        }
+    }
+
+    fn word(&mut self) -> Result<u64, FibreError> {
+        let (&first, rest) = self
+            .words
+            .split_first()
+            .ok_or_else(|| self.error("it is too short"))?;
+        self.words = rest;
+        Ok(first)
+    }
+
+    fn numbers<const N: usize>(&mut self) -> Result<[f64; N], FibreError> {
+        let mut values = [0.0; N];
+        for value in &mut values {
+            *value = f64::from_bits(self.word()?);
+        }
+        Ok(values)
+    }
+
+    fn vector(&mut self) -> Result<Vector3, FibreError> {
+        Ok(Vector3::from(self.numbers::<3>()?))
+    }
+
+    fn quaternion(&mut self) -> Result<Quaternion, FibreError> {
+        let [i, j, k, w] = self.numbers()?;
+        // Not normalised again: the bits matter.
+        Ok(Quaternion::new_unchecked(nalgebra::Quaternion::new(
+            w, i, j, k,
+        )))
+    }
+}
