@@ -38,6 +38,7 @@ mpi_checks! {
     an_error_on_rank_0_reaches_all,
     contacts_do_not_depend_on_the_ranks,
     a_short_periodic_box_is_refused_by_all_ranks,
+    fibres_change_owner_unnoticed,
     transfer_agrees_on_any_ranks,
     crowded_fibres_are_handed_out,
     multigrid_ranks_agree,

@@ -8,6 +8,7 @@ use fibreflow_parallel::Communicator;
 mod contact;
 mod coupling;
 mod distribution;
+mod fibres;
 mod geometry;
 mod halo;
 pub mod meshes;
@@ -50,6 +51,10 @@ pub const CHECKS: &[(&str, Check)] = &[
     (
         "a_short_periodic_box_is_refused_by_all_ranks",
         contact::short_box,
+    ),
+    (
+        "fibres_change_owner_unnoticed",
+        fibres::migration_changes_nothing,
     ),
     ("transfer_agrees_on_any_ranks", coupling::ranks_agree),
     (

@@ -1,0 +1,95 @@
+//! Fibres in contact, spread over ranks and changing owner, move as on one rank.
+
+use super::{Outcome, ensure};
+use fibreflow_fibre::contact::{ContactSettings, NormalDamping, Wall};
+use fibreflow_fibre::hydrodynamics::{AmbientFlow, DragModel, FluidProperties, TorqueModel};
+use fibreflow_fibre::{
+    Fibre, FibreSettings, FibreSystem, Hydrodynamics, Material, PeriodicBox, Vector3,
+};
+use fibreflow_parallel::Communicator;
+
+const FIBRES: u64 = 24;
+
+fn settings() -> FibreSettings {
+    FibreSettings {
+        gravity: Vector3::new(0.0, 0.0, -40.0),
+        hydrodynamics: Some(Hydrodynamics {
+            fluid: FluidProperties {
+                density: 1.0,
+                viscosity: 0.1,
+            },
+            drag: DragModel::Auto,
+            torque: TorqueModel::default(),
+            point_spacing: f64::INFINITY,
+        }),
+        contacts: Some(ContactSettings {
+            normal_stiffness: 1e3,
+            damping: NormalDamping::Ratio(0.3),
+            friction: 0.5,
+            tangential_ratio: 0.5,
+            skin: 0.02,
+            walls: vec![Wall {
+                point: Vector3::zeros(),
+                normal: Vector3::z(),
+            }],
+            periodic: PeriodicBox {
+                origin: Vector3::zeros(),
+                lengths: [Some(1.0), Some(1.0), None],
+            },
+        }),
+        ..FibreSettings::default()
+    }
+}
+
+/// A heap of crossed fibres in a periodic box on a floor.
+fn heap(mine: impl Fn(u64) -> bool) -> Vec<Fibre> {
+    let material = Material::new(0.02, 1e6, 0.3, 500.0);
+    let fibre = |i: u64| {
+        let a = 0.9 * i as f64;
+        let place = Vector3::new(0.37 * i as f64, 0.21 * i as f64, 0.03 + 0.02 * i as f64);
+        let half = Vector3::new(a.cos(), a.sin(), 0.0) * 0.2;
+        Fibre::straight(i, material, place - half, place + half, 4)
+    };
+    (0..FIBRES).filter(|&i| mine(i)).map(fibre).collect()
+}
+
+/// A rank's share before and after a change of owner.
+fn owner(id: u64, round: u64, ranks: usize) -> u32 {
+    ((id + round * (id % 3)) % ranks as u64) as u32
+}
+
+/// Positions, velocities and friction are bitwise those of one rank, though fibres change owner every few steps.
+pub fn migration_changes_nothing(communicator: &Communicator) -> Outcome {
+    let ranks = communicator.size();
+    let rank = communicator.rank() as u32;
+    let flow = AmbientFlow::Shear { rate: 3.0 };
+    let mine = heap(|id| owner(id, 0, ranks) == rank);
+    let mut shared = FibreSystem::new(communicator.clone(), settings(), mine)?;
+    let mut alone = FibreSystem::new(Communicator::single(), settings(), heap(|_| true))?;
+    let mut contacts = 0;
+    for round in 1..6 {
+        for _ in 0..20 {
+            shared.advance_in_flow(&flow, 2e-3)?;
+            alone.advance_in_flow(&flow, 2e-3)?;
+        }
+        contacts = contacts.max(alone.contacts().map_or(0, |c| c.statistics().contacts));
+        let target = |f| owner(shared.id(f), round, ranks);
+        let owners: Vec<u32> = (0..shared.fibres()).map(target).collect();
+        shared.migrate(&owners)?;
+    }
+    ensure(contacts > 3, || format!("only {contacts} contacts"))?;
+    // One step more, so that migrated springs are in use.
+    shared.advance_in_flow(&flow, 2e-3)?;
+    alone.advance_in_flow(&flow, 2e-3)?;
+    let all = communicator.sum_count(shared.fibres());
+    ensure(all == FIBRES as usize, || format!("{all} fibres are left"))?;
+    let (state, reference) = (shared.state(), alone.state());
+    ensure(state.scalars == reference.scalars, || {
+        format!("{:?} and {:?}", state.scalars, reference.scalars)
+    })?;
+    for record in &state.records {
+        let same = reference.records[record.id as usize] == *record;
+        ensure(same, || format!("fibre {} differs", record.id))?;
+    }
+    Ok(())
+}
