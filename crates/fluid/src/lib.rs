@@ -1,1 +1,20 @@
-//! Incompressible finite-volume Navier-Stokes on node pairs.
+//! Incompressible finite-volume Navier–Stokes on node pairs: second order in space and time, skew-symmetric
+//! convection, implicit diffusion, incremental projection with solenoidal pair fluxes.
+
+mod boundary;
+mod diagnostics;
+mod error;
+mod fluid;
+pub mod initial;
+mod operators;
+mod predict;
+mod project;
+mod rows;
+mod settings;
+mod state;
+
+pub use boundary::{BoundaryCondition, InletProfile};
+pub use error::FluidError;
+pub use fluid::{Fluid, StepReport};
+pub use settings::{FluidSettings, Forcing, PressurePreconditioner};
+pub use state::FluidState;

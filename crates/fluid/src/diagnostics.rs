@@ -1,0 +1,144 @@
+//! What is asked of a flow: energy, momentum, divergence, wall forces, time step.
+
+use crate::Fluid;
+use crate::boundary::Through;
+use crate::settings::length;
+use fibreflow_parallel::{block_max, block_sums};
+
+impl Fluid {
+    /// ½ ρ Σ V |u|² over the domain \[J\]. Collective.
+    pub fn kinetic_energy(&self) -> f64 {
+        let [sum] = self.sum(|u| [u[0] * u[0] + u[1] * u[1] + u[2] * u[2]]);
+        0.5 * self.settings.density * sum
+    }
+
+    /// ρ Σ V u over the domain \[kg·m/s\]. Collective.
+    pub fn momentum(&self) -> [f64; 3] {
+        self.sum(|u| [u[0], u[1], u[2]])
+            .map(|s| self.settings.density * s)
+    }
+
+    /// Mean velocity over the domain \[m/s\]. Collective.
+    pub fn bulk_velocity(&self) -> [f64; 3] {
+        let total = self.operators.geometry.total_volume;
+        self.sum(|u| [u[0], u[1], u[2]]).map(|s| s / total)
+    }
+
+    /// Σ V f(u) over the owned nodes of all ranks.
+    fn sum<const N: usize>(&self, value: impl Fn([f64; 4]) -> [f64; N] + Sync + Send) -> [f64; N] {
+        let volumes = self.operators.volumes();
+        let mut sums = block_sums(volumes.len(), |range| {
+            range.fold([0.0; N], |mut sums, i| {
+                let values = value(self.velocity[i]);
+                sums.iter_mut()
+                    .zip(values)
+                    .for_each(|(s, v)| *s += volumes[i] * v);
+                sums
+            })
+        });
+        self.mesh.halo.communicator().sum_slice(&mut sums);
+        sums
+    }
+
+    /// Largest |Σ_j F_ij + F_b|/V over the nodes \[1/s\]: what the pressure solve left. Collective.
+    pub fn divergence_max(&self) -> f64 {
+        let volumes = self.operators.volumes();
+        let through = &self.boundary.through;
+        let divergence = |i: usize| {
+            let sum = self.operators.flux_sum(&self.flux, i);
+            let boundary = through.binary_search_by_key(&(i as u32), |t| t.0);
+            let rest = match boundary.map(|k| through[k].1) {
+                Err(_) => sum,
+                Ok(Through::Given(flux)) => sum + flux,
+                Ok(Through::Open) => 0.0,
+            };
+            rest.abs() / volumes[i]
+        };
+        self.largest(divergence).max(0.0)
+    }
+
+    /// Flow out of the domain through a patch \[m³/s\]. Collective.
+    pub fn patch_flux(&self, patch: usize) -> f64 {
+        let mut flux = 0.0;
+        for &(i, through) in &self.boundary.through {
+            let shares = self.shares(i);
+            let all: f64 = shares.clone().map(|s| length(s.area)).sum();
+            let part = shares.filter(|s| s.patch as usize == patch);
+            let part: f64 = part.map(|s| length(s.area)).sum();
+            let total = match through {
+                Through::Given(flux) => flux,
+                Through::Open => -self.operators.flux_sum(&self.flux, i as usize),
+            };
+            flux += total * part / all;
+        }
+        self.mesh.halo.communicator().sum(flux)
+    }
+
+    /// Force of the fluid on a wall, slip or inlet patch, mean over the last step \[N\]: what the discrete momentum
+    /// equation gave to the patch, so that the balance of momentum closes. Nodes of several such patches share it by
+    /// area. Zero before the first step and for outlets. Collective.
+    pub fn wall_force(&self, patch: usize) -> [f64; 3] {
+        let mut force = [0.0; 3];
+        if self.last_dt > 0.0 && self.steps > 0 {
+            for (constraint, reaction) in self.boundary.constraints.iter().zip(&self.reaction) {
+                let i = constraint.node;
+                let shares = self.shares(i).filter(|s| self.takes_force(s.patch));
+                let all: f64 = shares.clone().map(|s| length(s.area)).sum();
+                for share in shares.filter(|s| s.patch as usize == patch) {
+                    let part = length(share.area) / (all * self.last_dt);
+                    let pressure = self.pressure[i as usize];
+                    (0..3).for_each(|c| force[c] += part * reaction[c] + pressure * share.area[c]);
+                }
+            }
+        }
+        self.mesh.halo.communicator().sum_slice(&mut force);
+        force.map(|f| f * self.settings.density)
+    }
+
+    fn takes_force(&self, patch: u16) -> bool {
+        let condition = &self.settings.boundary[patch as usize];
+        !matches!(condition, crate::BoundaryCondition::Outlet { .. })
+    }
+
+    /// Boundary shares of an owned node.
+    fn shares(&self, node: u32) -> impl Iterator<Item = &fibreflow_mesh::BoundaryNode> + Clone {
+        let all = &self.operators.geometry.boundary;
+        let first = all.partition_point(|s| s.node < node);
+        all[first..].iter().take_while(move |s| s.node == node)
+    }
+
+    /// Courant number of a step: Δt max ½ Σ_j |F_ij|/V_i, which is Δt Σ_c |u_c|/h_c on a uniform grid. Collective.
+    pub fn courant_number(&self, dt: f64) -> f64 {
+        let volumes = self.operators.volumes();
+        let rate = |i: usize| {
+            let range = self.operators.geometry.row(i);
+            let sum: f64 = self.flux[range].iter().map(|f| f.abs()).sum();
+            0.5 * sum / volumes[i]
+        };
+        dt * self.largest(rate).max(0.0)
+    }
+
+    /// Largest step of Courant number `cfl`, see [`Fluid::courant_number`], and not above `longest` \[s\]. Sub-steps
+    /// of the scheme are stable up to √3. Collective.
+    pub fn suggest_dt(&self, cfl: f64, longest: f64) -> f64 {
+        let rate = self.courant_number(1.0);
+        if rate > 0.0 {
+            longest.min(cfl / rate)
+        } else {
+            longest
+        }
+    }
+
+    fn largest(&self, value: impl Fn(usize) -> f64 + Sync + Send) -> f64 {
+        let owned = self.mesh.owned();
+        let local = block_max(owned, |mut range| {
+            range
+                .try_fold(f64::NEG_INFINITY, |m, i| {
+                    let v = value(i);
+                    if v.is_nan() { Err(v) } else { Ok(m.max(v)) }
+                })
+                .unwrap_or_else(|nan| nan)
+        });
+        self.mesh.halo.communicator().max(local)
+    }
+}

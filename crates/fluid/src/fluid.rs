@@ -1,0 +1,196 @@
+//! The incompressible solver: one step is `predict`, then `project`.
+
+use crate::boundary::Boundary;
+use crate::operators::Operators;
+use crate::predict::Momentum;
+use crate::project::Pressure;
+use crate::{FluidError, FluidSettings, Forcing};
+use fibreflow_mesh::{DualGeometry, LocalMesh};
+use std::sync::Arc;
+
+/// Incompressible flow of constant density and viscosity on the nodes of a mesh.
+///
+/// ∂u/∂t + ∇·(u u) = −∇p/ρ + ν∇²u + f/ρ, ∇·u = 0 (NUMERICS section 1; K 3.3), second order in space and time:
+///
+/// 1. `predict`: three sub-steps of low-storage Runge–Kutta for convection and Crank–Nicolson for diffusion, with the
+///    pressure gradient of the last step, and a convecting flux extrapolated from the last two projected ones;
+/// 2. `project`: pair fluxes interpolated from the prediction, one compact Poisson equation for the pressure
+///    increment, fluxes and velocity corrected.
+pub struct Fluid {
+    pub(crate) mesh: Arc<LocalMesh>,
+    pub(crate) settings: FluidSettings,
+    pub(crate) operators: Operators,
+    pub(crate) boundary: Boundary,
+    pub(crate) momentum: Momentum,
+    pub(crate) poisson: Pressure,
+    /// u \[m/s\], point values at nodes (x, y, z, 0); valid between steps.
+    pub(crate) velocity: Vec<[f64; 4]>,
+    /// p/ρ \[m²/s²\]; valid between steps.
+    pub(crate) pressure: Vec<f64>,
+    /// F_ij \[m³/s\] of every pair entry: solenoidal, F_ij = −F_ji.
+    pub(crate) flux: Vec<f64>,
+    /// F of the step before.
+    pub(crate) flux_previous: Vec<f64>,
+    /// f \[N/m³\].
+    pub(crate) body_force: Vec<[f64; 4]>,
+    /// Uniform driving force −∇P \[Pa/m\] (x, y, z).
+    pub(crate) driving: [f64; 3],
+    /// What constrained nodes gave to the boundary in the last step, ρ⁻¹ × impulse \[m⁴/s\], by constraint.
+    pub(crate) reaction: Vec<[f64; 4]>,
+    /// Size of the last step \[s\]; zero before the first.
+    pub(crate) last_dt: f64,
+    /// Steps completed.
+    pub(crate) steps: u64,
+}
+
+/// What a step cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StepReport {
+    /// Conjugate-gradient iterations of the three viscous solves.
+    pub momentum_iterations: [usize; 3],
+    /// Conjugate-gradient iterations of the pressure solve.
+    pub poisson_iterations: usize,
+    /// Norm of the predicted divergence before and after the solve \[m³/s\].
+    pub poisson_residual: [f64; 2],
+}
+
+impl Fluid {
+    /// Fluid at rest (but for boundaries), on the mesh and dual geometry of this rank. Collective.
+    ///
+    /// # Errors
+    /// Settings out of range, conditions that do not fit the patches or do not balance.
+    pub fn new(
+        mesh: Arc<LocalMesh>,
+        geometry: Arc<DualGeometry>,
+        settings: FluidSettings,
+    ) -> Result<Self, FluidError> {
+        settings.check()?;
+        let boundary = Boundary::new(&mesh, &geometry, &settings.boundary)?;
+        let operators = Operators::new(&mesh, &geometry);
+        let (total, entries) = (mesh.total(), geometry.columns.len());
+        let mut fluid = Self {
+            momentum: Momentum::new(&mesh, &geometry, &boundary)?,
+            poisson: Pressure::new(&mesh, &geometry, &boundary, settings.preconditioner)?,
+            velocity: vec![[0.0; 4]; total],
+            pressure: vec![0.0; total],
+            flux: vec![0.0; entries],
+            flux_previous: vec![0.0; entries],
+            body_force: vec![[0.0; 4]; total],
+            driving: match settings.forcing {
+                Forcing::PressureGradient(gradient) => gradient,
+                Forcing::BulkVelocity { .. } => [0.0; 3],
+            },
+            reaction: vec![[0.0; 4]; boundary.constraints.len()],
+            last_dt: 0.0,
+            steps: 0,
+            mesh,
+            settings,
+            operators,
+            boundary,
+        };
+        fluid.set_velocity(|_| [0.0; 3])?;
+        Ok(fluid)
+    }
+
+    /// Sets the velocity \[m/s\] as a function of position \[m\], puts boundary values in and projects; the pressure
+    /// starts anew. Collective.
+    ///
+    /// # Errors
+    /// When the projection fails, or the function gives a value that is not finite.
+    pub fn set_velocity(
+        &mut self,
+        velocity: impl Fn([f64; 3]) -> [f64; 3],
+    ) -> Result<(), FluidError> {
+        for (u, &x) in self.velocity.iter_mut().zip(&self.mesh.nodes) {
+            let [x, y, z] = velocity(x);
+            *u = [x, y, z, 0.0];
+        }
+        for constraint in &self.boundary.constraints {
+            let u = &mut self.velocity[constraint.node as usize];
+            *u = constraint.admit(*u);
+        }
+        for &(i, [x, y, z]) in &self.boundary.given {
+            self.velocity[i as usize] = [x, y, z, 0.0];
+        }
+        self.restart_history();
+        self.check_finite()?;
+        self.project(0.0)?;
+        self.flux_previous.copy_from_slice(&self.flux);
+        self.check_finite()
+    }
+
+    /// Pressure and history as before the first step.
+    fn restart_history(&mut self) {
+        self.last_dt = 0.0;
+        self.steps = 0;
+        self.pressure.fill(0.0);
+        self.reaction.fill([0.0; 4]);
+        self.poisson.forget();
+    }
+
+    /// One step of size `dt` \[s\]: predict, project. Collective.
+    ///
+    /// # Errors
+    /// A solve that does not converge; a value that is not finite, with its field, node and position.
+    pub fn advance(&mut self, dt: f64) -> Result<StepReport, FluidError> {
+        let momentum_iterations = self.predict(dt)?;
+        let solve = self.project(dt)?;
+        self.check_finite()?;
+        Ok(StepReport {
+            momentum_iterations,
+            poisson_iterations: solve.iterations,
+            poisson_residual: [solve.initial_residual, solve.final_residual],
+        })
+    }
+
+    /// Mesh of this rank.
+    pub fn mesh(&self) -> &Arc<LocalMesh> {
+        &self.mesh
+    }
+
+    /// Dual geometry of this rank.
+    pub fn geometry(&self) -> &Arc<DualGeometry> {
+        &self.operators.geometry
+    }
+
+    /// What the fluid was made with.
+    pub fn settings(&self) -> &FluidSettings {
+        &self.settings
+    }
+
+    /// Velocity \[m/s\] at owned and halo nodes, (x, y, z, 0).
+    pub fn velocity(&self) -> &[[f64; 4]] {
+        &self.velocity
+    }
+
+    /// Kinematic pressure p/ρ \[m²/s²\] at owned and halo nodes; times [`FluidSettings::density`] it is in Pa.
+    /// It belongs to the middle of the last step. Without outlets its mean over the nodes is zero.
+    pub fn pressure(&self) -> &[f64] {
+        &self.pressure
+    }
+
+    /// Flux F_ij \[m³/s\] of every pair entry of [`DualGeometry`].
+    pub fn flux(&self) -> &[f64] {
+        &self.flux
+    }
+
+    /// Body force \[N/m³\] by node; the owned part acts in the next steps until it is changed.
+    pub fn body_force(&self) -> &[[f64; 4]] {
+        &self.body_force
+    }
+
+    /// See [`Fluid::body_force`]; total length, so that a caller can spread into halo entries and accumulate.
+    pub fn body_force_mut(&mut self) -> &mut [[f64; 4]] {
+        &mut self.body_force
+    }
+
+    /// Uniform driving force −∇P \[Pa/m\] of the last step: given, or found by the bulk-velocity controller.
+    pub fn driving_force(&self) -> [f64; 3] {
+        self.driving
+    }
+
+    /// Steps completed since the velocity was set, over restarts.
+    pub fn steps(&self) -> u64 {
+        self.steps
+    }
+}

@@ -1,0 +1,265 @@
+//! Initial velocity fields as functions of position, the same on any mesh and any number of ranks.
+//!
+//! [`crate::Fluid::set_velocity`] takes any of them and projects it.
+
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use std::f64::consts::{PI, TAU};
+
+/// The same velocity everywhere.
+pub fn uniform(velocity: [f64; 3]) -> impl Fn([f64; 3]) -> [f64; 3] {
+    move |_| velocity
+}
+
+/// Plane Poiseuille flow 6 ū s(1 − s), s = (x_axis − low)/(high − low), of mean velocity ū \[m/s\].
+pub fn poiseuille(
+    mean: [f64; 3],
+    axis: usize,
+    low: f64,
+    high: f64,
+) -> impl Fn([f64; 3]) -> [f64; 3] {
+    move |x| {
+        let s = (x[axis] - low) / (high - low);
+        mean.map(|m| 6.0 * m * s * (1.0 - s))
+    }
+}
+
+/// Exact two-dimensional Taylor–Green vortices of wave number k, carried by a drift (U, V):
+/// u = U + A sin(kξ) cos(kη) e, v = V − A cos(kξ) sin(kη) e, with ξ = x − Ut, η = y − Vt, e = exp(−2νk²t).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TaylorGreen {
+    /// A \[m/s\].
+    pub amplitude: f64,
+    /// k \[1/m\].
+    pub wave_number: f64,
+    /// (U, V) \[m/s\].
+    pub drift: [f64; 2],
+    /// ν \[m²/s\].
+    pub kinematic_viscosity: f64,
+}
+
+impl TaylorGreen {
+    /// Velocity \[m/s\] at a time \[s\] and point \[m\].
+    pub fn velocity(&self, time: f64, x: [f64; 3]) -> [f64; 3] {
+        let a = self.amplitude * self.decay(time);
+        let [xi, eta] = self.phase(time, x);
+        [
+            self.drift[0] + a * xi.sin() * eta.cos(),
+            self.drift[1] - a * xi.cos() * eta.sin(),
+            0.0,
+        ]
+    }
+
+    /// Kinematic pressure p/ρ \[m²/s²\]: ¼ A² e² (cos 2kξ + cos 2kη).
+    pub fn pressure(&self, time: f64, x: [f64; 3]) -> f64 {
+        let a = self.amplitude * self.decay(time);
+        let [xi, eta] = self.phase(time, x);
+        0.25 * a * a * ((2.0 * xi).cos() + (2.0 * eta).cos())
+    }
+
+    fn decay(&self, time: f64) -> f64 {
+        (-2.0 * self.kinematic_viscosity * self.wave_number.powi(2) * time).exp()
+    }
+
+    fn phase(&self, time: f64, x: [f64; 3]) -> [f64; 2] {
+        std::array::from_fn(|c| self.wave_number * (x[c] - self.drift[c] * time))
+    }
+}
+
+/// Mean profile of a channel start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MeanProfile {
+    /// Parabola 3/2 ū (1 − η²).
+    Laminar,
+    /// Seventh-root law 8/7 ū (1 − |η|)^(1/7).
+    Turbulent,
+}
+
+/// A channel between two planes, its mean flow disturbed by random solenoidal eddies that vanish at the walls.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PerturbedChannel {
+    /// Corner of the box with the smallest coordinates \[m\].
+    pub origin: [f64; 3],
+    /// Edge lengths of the box \[m\]; the disturbance has them as periods.
+    pub size: [f64; 3],
+    /// Direction of the flow, 0 to 2.
+    pub stream: usize,
+    /// Direction across the channel, 0 to 2.
+    pub across: usize,
+    /// ū \[m/s\].
+    pub mean: f64,
+    /// Shape of the mean flow.
+    pub profile: MeanProfile,
+    /// Root mean square of the disturbance in the middle of the channel, relative to ū.
+    pub intensity: f64,
+    /// Seed of the disturbance.
+    pub seed: u64,
+}
+
+impl PerturbedChannel {
+    /// The velocity field: mean along `stream` plus ∇ × ((1 − η²)² Ψ), Ψ a random sum of waves.
+    pub fn field(&self) -> impl Fn([f64; 3]) -> [f64; 3] + use<> {
+        let channel = self.clone();
+        let potential = Waves::random(self.size, 3, self.seed);
+        // Waves of unit mean square each; the curl of one multiplies it by |k|.
+        let scale = self.intensity * self.mean / potential.curl_intensity();
+        move |x| {
+            let half = 0.5 * channel.size[channel.across];
+            let middle = channel.origin[channel.across] + half;
+            let eta = ((x[channel.across] - middle) / half).clamp(-1.0, 1.0);
+            let relative = std::array::from_fn(|c| x[c] - channel.origin[c]);
+            let (psi, curl) = potential.value_and_curl(relative);
+            let envelope = (1.0 - eta * eta).powi(2);
+            let mut slope = [0.0; 3];
+            slope[channel.across] = -4.0 * eta * (1.0 - eta * eta) / half;
+            let turned = cross(slope, psi);
+            let mut u: [f64; 3] = std::array::from_fn(|c| scale * (envelope * curl[c] + turned[c]));
+            u[channel.stream] += channel.mean
+                * match channel.profile {
+                    MeanProfile::Laminar => 1.5 * (1.0 - eta * eta),
+                    MeanProfile::Turbulent => 8.0 / 7.0 * (1.0 - eta.abs()).powf(1.0 / 7.0),
+                };
+            u
+        }
+    }
+}
+
+/// Random solenoidal field of a periodic box: curl of a random sum of waves with wave vectors up to `waves` periods
+/// in each direction, scaled to a root mean square velocity of `intensity` \[m/s\].
+pub fn random_solenoidal(
+    size: [f64; 3],
+    waves: i32,
+    intensity: f64,
+    seed: u64,
+) -> impl Fn([f64; 3]) -> [f64; 3] {
+    let potential = Waves::random(size, waves, seed);
+    let scale = intensity / potential.curl_intensity();
+    move |x| potential.value_and_curl(x).1.map(|u| scale * u)
+}
+
+/// Ψ = Σ a cos(k·x + θ).
+struct Waves {
+    waves: Vec<Wave>,
+}
+
+struct Wave {
+    amplitude: [f64; 3],
+    vector: [f64; 3],
+    phase: f64,
+}
+
+impl Waves {
+    /// One wave for every wave vector of the upper half space with components up to `largest` periods; amplitudes are
+    /// random, and the curls of all waves are of similar size.
+    fn random(size: [f64; 3], largest: i32, seed: u64) -> Self {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let mut waves = Vec::new();
+        let range = || -largest..=largest;
+        for (l, m, n) in
+            range().flat_map(|l| range().flat_map(move |m| range().map(move |n| (l, m, n))))
+        {
+            if (l, m, n) <= (0, 0, 0) || l * l + m * m + n * n > largest * largest {
+                continue;
+            }
+            let counts = [l, m, n];
+            let vector: [f64; 3] = std::array::from_fn(|c| TAU * f64::from(counts[c]) / size[c]);
+            let size = magnitude(vector);
+            let amplitude = std::array::from_fn(|_| (2.0 * random.random::<f64>() - 1.0) / size);
+            waves.push(Wave {
+                amplitude,
+                vector,
+                phase: 2.0 * PI * random.random::<f64>(),
+            });
+        }
+        Self { waves }
+    }
+
+    /// Root mean square of ∇ × Ψ.
+    fn curl_intensity(&self) -> f64 {
+        let square = |w: &Wave| 0.5 * magnitude(cross(w.vector, w.amplitude)).powi(2);
+        self.waves.iter().map(square).sum::<f64>().sqrt()
+    }
+
+    fn value_and_curl(&self, x: [f64; 3]) -> ([f64; 3], [f64; 3]) {
+        let (mut value, mut curl) = ([0.0; 3], [0.0; 3]);
+        for wave in &self.waves {
+            let k = wave.vector;
+            let (sin, cos) = (k[0] * x[0] + k[1] * x[1] + k[2] * x[2] + wave.phase).sin_cos();
+            let turned = cross(k, wave.amplitude);
+            for c in 0..3 {
+                value[c] += cos * wave.amplitude[c];
+                curl[c] -= sin * turned[c];
+            }
+        }
+        (value, curl)
+    }
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+}
+
+fn magnitude(v: [f64; 3]) -> f64 {
+    crate::settings::length(v)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn divergence(u: &impl Fn([f64; 3]) -> [f64; 3], x: [f64; 3]) -> f64 {
+        let h = 1e-5;
+        (0..3)
+            .map(|c| {
+                let (mut low, mut high) = (x, x);
+                low[c] -= h;
+                high[c] += h;
+                (u(high)[c] - u(low)[c]) / (2.0 * h)
+            })
+            .sum()
+    }
+
+    #[test]
+    fn random_fields_are_solenoidal_and_of_the_wanted_size() {
+        let u = random_solenoidal([2.0, 1.0, 1.5], 3, 0.7, 5);
+        let n = 12;
+        let mut square = 0.0;
+        for i in 0..n {
+            for j in 0..n {
+                for k in 0..n {
+                    let x = [i as f64 * 2.0, j as f64, k as f64 * 1.5].map(|x| x / n as f64);
+                    assert!(divergence(&u, x).abs() < 1e-7);
+                    square += u(x).iter().map(|v| v * v).sum::<f64>();
+                }
+            }
+        }
+        assert!(((square / f64::from(n).powi(3)).sqrt() - 0.7).abs() < 1e-12);
+    }
+
+    #[test]
+    fn channel_disturbance_is_solenoidal_and_keeps_the_walls() {
+        for profile in [MeanProfile::Laminar, MeanProfile::Turbulent] {
+            let channel = PerturbedChannel {
+                origin: [0.0, -1.0, 0.0],
+                size: [4.0, 2.0, 2.0],
+                stream: 0,
+                across: 1,
+                mean: 1.0,
+                profile,
+                intensity: 0.2,
+                seed: 1,
+            };
+            let u = channel.field();
+            for y in [-1.0, 1.0] {
+                assert!(u([0.3, y, 0.7]).iter().all(|v| v.abs() < 1e-12));
+            }
+            assert!(divergence(&u, [0.4, 0.3, 0.9]).abs() < 1e-7);
+            let other = PerturbedChannel { seed: 2, ..channel };
+            assert_ne!(u([0.4, 0.3, 0.9]), other.field()([0.4, 0.3, 0.9]));
+        }
+    }
+}

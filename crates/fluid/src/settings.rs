@@ -1,0 +1,123 @@
+//! What a flow is made of: fluid, boundary conditions, forcing, tolerances.
+
+use crate::{BoundaryCondition, FluidError};
+use fibreflow_solve::CgSettings;
+
+/// Everything [`crate::Fluid`] needs besides the mesh. SI units.
+#[derive(Clone, Debug)]
+pub struct FluidSettings {
+    /// Density ρ \[kg/m³\].
+    pub density: f64,
+    /// Dynamic viscosity μ \[Pa·s\]; zero means inviscid.
+    pub viscosity: f64,
+    /// One condition for every patch of the mesh, in patch order.
+    pub boundary: Vec<BoundaryCondition>,
+    /// What drives the flow besides boundaries and the body-force field.
+    pub forcing: Forcing,
+    /// Stopping rule of the implicit viscous solves; relative to the norm of the explicit increment.
+    pub momentum: CgSettings,
+    /// Stopping rule of the pressure solve; relative to the norm of the predicted divergence.
+    pub pressure: CgSettings,
+    /// Preconditioner of the pressure solve.
+    pub preconditioner: PressurePreconditioner,
+}
+
+/// Preconditioner of the pressure solve.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum PressurePreconditioner {
+    /// Aggregation multigrid.
+    #[default]
+    Amg,
+    /// The diagonal.
+    Jacobi,
+}
+
+impl FluidSettings {
+    /// Fluid with default tolerances (1e-8, both equations), no patches and no forcing.
+    pub fn new(density: f64, viscosity: f64) -> Self {
+        let solver = CgSettings {
+            relative_tolerance: 1e-8,
+            absolute_tolerance: 0.0,
+            max_iterations: 2000,
+        };
+        Self {
+            density,
+            viscosity,
+            boundary: Vec::new(),
+            forcing: Forcing::default(),
+            momentum: solver,
+            pressure: solver,
+            preconditioner: PressurePreconditioner::default(),
+        }
+    }
+
+    /// Kinematic viscosity ν = μ/ρ \[m²/s\].
+    pub fn kinematic_viscosity(&self) -> f64 {
+        self.viscosity / self.density
+    }
+
+    pub(crate) fn check(&self) -> Result<(), FluidError> {
+        let positive = |name, value: f64| {
+            let problem = FluidError::Setting {
+                name,
+                value,
+                expected: "positive and finite",
+            };
+            (value > 0.0 && value.is_finite())
+                .then_some(())
+                .ok_or(problem)
+        };
+        positive("density", self.density)?;
+        if self.viscosity != 0.0 {
+            positive("viscosity", self.viscosity)?;
+        }
+        if let Forcing::BulkVelocity { direction, value } = &self.forcing {
+            positive("length of the bulk direction", length(*direction))?;
+            if !value.is_finite() {
+                positive("bulk velocity", *value)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A force per volume that is the same everywhere.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Forcing {
+    /// Constant driving force −∇P \[Pa/m\], P the mean pressure.
+    PressureGradient([f64; 3]),
+    /// The driving force that holds the volume-mean velocity along `direction` at `value` \[m/s\].
+    BulkVelocity {
+        /// Any length.
+        direction: [f64; 3],
+        /// Mean velocity over the domain \[m/s\].
+        value: f64,
+    },
+}
+
+impl Default for Forcing {
+    fn default() -> Self {
+        Self::PressureGradient([0.0; 3])
+    }
+}
+
+impl Forcing {
+    /// Unit vector of a bulk-velocity controller and the velocity to hold.
+    pub(crate) fn controlled(&self) -> Option<([f64; 3], f64)> {
+        match *self {
+            Self::PressureGradient(_) => None,
+            Self::BulkVelocity { direction, value } => {
+                let norm = length(direction);
+                Some((direction.map(|d| d / norm), value))
+            }
+        }
+    }
+}
+
+pub(crate) fn length(v: [f64; 3]) -> f64 {
+    dot(v, v).sqrt()
+}
+
+pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}

@@ -1,0 +1,93 @@
+//! Set-ups that several tests share.
+#![allow(dead_code)]
+
+use fibreflow_fluid::{BoundaryCondition, Fluid, FluidSettings};
+use fibreflow_mesh::{BoxElement, BoxMesh, LocalMesh, geometry};
+use fibreflow_solve::CgSettings;
+use std::sync::Arc;
+
+/// Fluid on a box, with a condition for each patch by name.
+pub fn fluid_on(
+    mesh: &BoxMesh,
+    mut settings: FluidSettings,
+    condition: impl Fn(&str) -> BoundaryCondition,
+) -> Fluid {
+    let local = Arc::new(LocalMesh::single(mesh.build().expect("box")));
+    let dual = Arc::new(geometry::dual(&local).expect("dual geometry"));
+    settings.boundary = local.patches.iter().map(|p| condition(p)).collect();
+    Fluid::new(local, dual, settings).expect("fluid")
+}
+
+/// Fluid of density 1 in a periodic box.
+pub fn periodic(mesh: &BoxMesh, viscosity: f64, tolerance: f64) -> Fluid {
+    let mesh = BoxMesh {
+        periodic: [true; 3],
+        ..mesh.clone()
+    };
+    fluid_on(&mesh, settings(1.0, viscosity, tolerance), |_| {
+        unreachable!("no patches")
+    })
+}
+
+pub fn settings(density: f64, viscosity: f64, tolerance: f64) -> FluidSettings {
+    let solver = CgSettings {
+        relative_tolerance: tolerance,
+        absolute_tolerance: 0.0,
+        max_iterations: 5000,
+    };
+    FluidSettings {
+        momentum: solver,
+        pressure: solver,
+        ..FluidSettings::new(density, viscosity)
+    }
+}
+
+/// A box of one kind of element.
+pub fn of(element: BoxElement, size: [f64; 3], cells: [usize; 3], jitter: f64) -> BoxMesh {
+    BoxMesh {
+        size,
+        cells,
+        element,
+        jitter,
+        seed: 3,
+        ..BoxMesh::default()
+    }
+}
+
+/// Volume-weighted root mean square and largest magnitude of the velocity error.
+pub fn errors(fluid: &Fluid, exact: impl Fn([f64; 3]) -> [f64; 3]) -> [f64; 2] {
+    let (mesh, volumes) = (fluid.mesh(), &fluid.geometry().volumes);
+    let (mut square, mut volume, mut largest) = (0.0, 0.0, 0.0f64);
+    for i in 0..mesh.owned() {
+        let (u, wanted) = (fluid.velocity()[i], exact(mesh.nodes[i]));
+        let error: f64 = (0..3).map(|c| (u[c] - wanted[c]).powi(2)).sum();
+        square += volumes[i] * error;
+        volume += volumes[i];
+        largest = largest.max(error.sqrt());
+    }
+    [(square / volume).sqrt(), largest]
+}
+
+/// Least-squares slope of ln(error) over ln(n), as a positive order.
+pub fn order(sizes: &[f64], errors: &[f64]) -> f64 {
+    let mean = |v: &[f64]| v.iter().map(|x| x.ln()).sum::<f64>() / v.len() as f64;
+    let (x0, y0) = (mean(sizes), mean(errors));
+    let pairs = sizes.iter().zip(errors);
+    let (mut xy, mut xx) = (0.0, 0.0);
+    for (x, y) in pairs {
+        xy += (x.ln() - x0) * (y.ln() - y0);
+        xx += (x.ln() - x0).powi(2);
+    }
+    -xy / xx
+}
+
+/// Runs to `end` in equal steps as close to `dt` as possible.
+pub fn run_to(fluid: &mut Fluid, end: f64, dt: f64) -> usize {
+    let steps = (end / dt).ceil() as usize;
+    let mut iterations = 0;
+    for _ in 0..steps {
+        let report = fluid.advance(end / steps as f64).expect("step");
+        iterations += report.poisson_iterations;
+    }
+    iterations / steps.max(1)
+}

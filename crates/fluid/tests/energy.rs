@@ -1,0 +1,108 @@
+//! F2: inviscid energy; momentum and impulse in a periodic box.
+
+mod common;
+
+use common::{of, order, periodic};
+use fibreflow_fluid::{Fluid, initial};
+use fibreflow_mesh::{BoxElement, BoxMesh};
+use std::f64::consts::TAU;
+
+const MESHES: [(BoxElement, f64); 2] = [
+    (BoxElement::Hexahedron, 0.0),
+    (BoxElement::Tetrahedron, 0.2),
+];
+
+fn eddies(element: BoxElement, n: usize, jitter: f64, tolerance: f64) -> Fluid {
+    let mesh = of(element, [TAU; 3], [n; 3], jitter);
+    let mut fluid = periodic(&mesh, 0.0, tolerance);
+    fluid
+        .set_velocity(initial::random_solenoidal([TAU; 3], 2, 1.0, 4))
+        .expect("start");
+    fluid
+}
+
+/// A turnover: the longest wave over the root mean square velocity 1.
+const TURNOVER: f64 = TAU;
+
+/// Steps of Courant number `cfl` at the start, so that halving it halves the step.
+fn run(fluid: &mut Fluid, cfl: f64, time: f64) -> Vec<f64> {
+    let steps = (time / fluid.suggest_dt(cfl, time)).ceil();
+    (0..steps as usize)
+        .map(|_| {
+            fluid.advance(time / steps).expect("step");
+            fluid.kinetic_energy()
+        })
+        .collect()
+}
+
+#[test]
+fn inviscid_energy_never_grows() {
+    for (element, jitter) in MESHES {
+        let mut fluid = eddies(element, 10, jitter, 1e-9);
+        let start = fluid.kinetic_energy();
+        let energies = run(&mut fluid, 0.5, 10.0 * TURNOVER);
+        let highest = energies.iter().copied().fold(0.0, f64::max);
+        let last = energies.last().expect("steps");
+        println!(
+            "{element:?}: highest {:.6}, last {:.4}",
+            highest / start,
+            last / start
+        );
+        assert!(highest <= start * (1.0 + 1e-3));
+    }
+}
+
+#[test]
+fn inviscid_energy_change_falls_with_the_step_at_second_order() {
+    for (element, jitter) in &MESHES[..1] {
+        let (element, jitter) = (*element, *jitter);
+        let cfl = [0.5, 0.25, 0.125];
+        let loss = |&cfl: &f64| {
+            let mut fluid = eddies(element, 10, jitter, 1e-10);
+            let start = fluid.kinetic_energy();
+            let energies = run(&mut fluid, cfl, TURNOVER);
+            (1.0 - energies.last().expect("steps") / start).abs()
+        };
+        let found: Vec<f64> = cfl.iter().map(loss).collect();
+        let fitted = -order(&cfl, &found);
+        println!("{element:?}: {found:?}, order {fitted:.2}");
+        assert!(fitted >= 2.0, "{found:?}: {fitted}");
+    }
+}
+
+#[test]
+fn body_force_goes_into_momentum_exactly() {
+    for (element, jitter) in MESHES {
+        let mesh = BoxMesh {
+            seed: 9,
+            ..of(element, [1.0, 2.0, 1.5], [6, 5, 7], jitter)
+        };
+        let mut fluid = periodic(&mesh, 0.05, 1e-6);
+        let start = initial::random_solenoidal([1.0, 2.0, 1.5], 2, 1.0, 4);
+        fluid.set_velocity(start).expect("start");
+        let nodes = fluid.mesh().nodes.clone();
+        for (f, x) in fluid.body_force_mut().iter_mut().zip(&nodes) {
+            *f = [
+                (9.0 * x[0]).sin() + 0.4,
+                (7.0 * x[1] + x[2]).cos(),
+                2.0 * x[2],
+                0.0,
+            ];
+        }
+        let volumes = fluid.geometry().volumes.clone();
+        let (before, dt) = (fluid.momentum(), 0.01);
+        for _ in 0..20 {
+            fluid.advance(dt).expect("step");
+        }
+        let after = fluid.momentum();
+        for c in 0..3 {
+            let forces = fluid.body_force().iter().zip(&volumes);
+            let parts: Vec<f64> = forces.map(|(f, v)| f[c] * v * dt * 20.0).collect();
+            let impulse: f64 = parts.iter().sum();
+            let size: f64 = parts.iter().map(|p| p.abs()).sum();
+            let defect = (after[c] - before[c] - impulse) / size;
+            println!("{element:?} {c}: {defect:.1e}");
+            assert!(defect.abs() < 1e-12, "component {c}: {defect:e}");
+        }
+    }
+}

@@ -1,0 +1,91 @@
+//! F1: two-dimensional Taylor–Green vortices carried by a drift, on every element kind.
+
+mod common;
+
+use common::{errors, of, order, periodic, run_to};
+use fibreflow_fluid::{Fluid, initial::TaylorGreen};
+use fibreflow_mesh::BoxElement;
+use std::f64::consts::TAU;
+
+const FLOW: TaylorGreen = TaylorGreen {
+    amplitude: 1.0,
+    wave_number: 1.0,
+    drift: [1.0, 1.0],
+    kinematic_viscosity: 0.01,
+};
+
+fn vortices(element: BoxElement, n: usize, jitter: f64) -> Fluid {
+    let h = TAU / n as f64;
+    let mesh = of(element, [TAU, TAU, h], [n, n, 1], jitter);
+    let mut fluid = periodic(&mesh, FLOW.kinematic_viscosity, 1e-8);
+    fluid
+        .set_velocity(|x| FLOW.velocity(0.0, x))
+        .expect("start");
+    fluid
+}
+
+/// Errors (L2, L∞) at t = 2; the step is small against the space error.
+fn error_at(element: BoxElement, n: usize, jitter: f64) -> [f64; 2] {
+    let mut fluid = vortices(element, n, jitter);
+    run_to(&mut fluid, 2.0, 0.16 * TAU / n as f64);
+    errors(&fluid, |x| FLOW.velocity(2.0, x))
+}
+
+fn check_order(element: BoxElement, jitter: f64) {
+    let mut sizes = vec![16, 32, 64];
+    if std::env::var_os("FIBREFLOW_FULL").is_some() {
+        sizes.push(128);
+    }
+    let found: Vec<[f64; 2]> = sizes
+        .iter()
+        .map(|&n| error_at(element, n, jitter))
+        .collect();
+    let sizes: Vec<f64> = sizes.into_iter().map(|n| n as f64).collect();
+    let norm = |k: usize| found.iter().map(|e| e[k]).collect::<Vec<_>>();
+    let [l2, largest] = [order(&sizes, &norm(0)), order(&sizes, &norm(1))];
+    println!("{element:?} jitter {jitter}: {found:?}, order L2 {l2:.2}, Linf {largest:.2}");
+    assert!(l2 >= 1.9 && largest >= 1.6, "{found:?}: {l2}, {largest}");
+}
+
+#[test]
+fn second_order_on_uniform_hexahedra() {
+    check_order(BoxElement::Hexahedron, 0.0);
+}
+
+#[test]
+fn second_order_on_distorted_hexahedra() {
+    check_order(BoxElement::Hexahedron, 0.2);
+}
+
+#[test]
+fn second_order_on_distorted_tetrahedra() {
+    check_order(BoxElement::Tetrahedron, 0.2);
+}
+
+#[test]
+fn second_order_on_prisms() {
+    check_order(BoxElement::Prism, 0.2);
+}
+
+#[test]
+fn second_order_in_time() {
+    let velocity = |dt: f64| {
+        let mut fluid = vortices(BoxElement::Hexahedron, 24, 0.0);
+        run_to(&mut fluid, 1.0, dt);
+        fluid
+    };
+    let finest = velocity(1.0 / 320.0);
+    let nodes = finest.mesh().nodes.clone();
+    let steps = [10.0, 20.0, 40.0];
+    let difference = |steps: &f64| {
+        let coarse = velocity(1.0 / steps);
+        let pairs = coarse.velocity().iter().zip(finest.velocity());
+        let square =
+            |(a, b): (&[f64; 4], &[f64; 4])| -> f64 { (0..3).map(|c| (a[c] - b[c]).powi(2)).sum() };
+        (pairs.map(square).sum::<f64>() / nodes.len() as f64).sqrt()
+    };
+    let found: Vec<f64> = steps.iter().map(difference).collect();
+    let fitted = order(&steps, &found);
+    println!("time: {found:?}, order {fitted:.2}");
+    assert!(fitted >= 1.9, "{found:?}: {fitted}");
+}
