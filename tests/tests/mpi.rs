@@ -40,6 +40,7 @@ mpi_checks! {
     a_short_periodic_box_is_refused_by_all_ranks,
     fibres_change_owner_unnoticed,
     transfer_agrees_on_any_ranks,
+    coupled_ranks_agree,
     crowded_fibres_are_handed_out,
     multigrid_ranks_agree,
     multigrid_where_strong_couplings_are_cut,

@@ -6,6 +6,7 @@
 use fibreflow_parallel::Communicator;
 
 mod contact;
+mod coupled;
 mod coupling;
 mod distribution;
 mod fibres;
@@ -57,6 +58,7 @@ pub const CHECKS: &[(&str, Check)] = &[
         fibres::migration_changes_nothing,
     ),
     ("transfer_agrees_on_any_ranks", coupling::ranks_agree),
+    ("coupled_ranks_agree", coupled::ranks_agree),
     (
         "crowded_fibres_are_handed_out",
         coupling::crowded_fibres_are_handed_out,
