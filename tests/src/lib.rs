@@ -2,3 +2,6 @@
 
 pub mod checks;
 pub mod coupled;
+pub mod launch;
+pub mod program;
+pub mod state;

@@ -2,4 +2,19 @@
 
 pub mod case;
 pub mod checkpoint;
+pub mod clock;
+pub mod error;
+pub mod figures;
+pub mod observe;
 pub mod output;
+pub mod run;
+pub mod scene;
+pub mod summary;
+
+mod check;
+mod cli;
+mod describe;
+mod info;
+mod program;
+
+pub use program::start;

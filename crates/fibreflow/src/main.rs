@@ -1,2 +1,7 @@
-//! Command line of `fibreflow`.
-fn main() {}
+//! Flexible fibres in incompressible flow, two-way coupled.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    fibreflow::start()
+}

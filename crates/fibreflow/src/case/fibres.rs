@@ -30,10 +30,10 @@ pub struct FibreGroup {
     /// Density [kg/m³].
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub density: f64,
-    /// Internal damping: stiffness-proportional, as a fraction of critical of the stiffest mode.
+    /// Internal damping: retardation time of the material, viscous by elastic modulus [s].
     #[serde(default)]
-    #[schemars(range(min = 0.0, max = 1.0))]
-    pub damping: f64,
+    #[schemars(range(min = 0.0))]
+    pub retardation: f64,
     /// Shape without load.
     #[serde(default)]
     pub shape: Shape,
@@ -96,6 +96,11 @@ pub enum Orientation {
         /// Direction; its length does not matter.
         direction: [f64; 3],
     },
+    /// At random in a plane.
+    InPlane {
+        /// Normal of the plane; its length does not matter.
+        normal: [f64; 3],
+    },
 }
 
 /// Shape without load.
@@ -105,11 +110,11 @@ pub enum Shape {
     /// Straight.
     #[default]
     Straight,
-    /// An arc of a circle.
+    /// An arc that turns by the same angle at every node.
     U {
-        /// Radius of the arc [m].
-        #[schemars(extend("exclusiveMinimum" = 0))]
-        radius: f64,
+        /// Angle between the two end tangents, seen from the middle [rad]: π is straight, 0 a half circle.
+        #[schemars(range(min = 0.0, max = std::f64::consts::PI))]
+        opening_angle: f64,
     },
     /// As placed: the given nodes are free of stress.
     AsPlaced,
@@ -151,14 +156,18 @@ pub struct Contact {
     #[serde(default = "tangential_ratio")]
     #[schemars(range(min = 0.0))]
     pub tangential_ratio: f64,
-    /// Damping as a fraction of critical.
+    /// Damping ratio of the contact oscillator; 1 is critical.
     #[serde(default = "contact_damping")]
-    #[schemars(range(min = 0.0, max = 1.0))]
+    #[schemars(range(min = 0.0, max = 5.0))]
     pub damping: f64,
     /// Coefficient of friction.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub friction: f64,
+    /// Pairs nearer than this beyond touching are kept between searches [m]. Default: the largest diameter.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub skin: Option<f64>,
 }
 
 fn tangential_ratio() -> f64 {
@@ -198,11 +207,11 @@ pub enum DragLaw {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum TorqueLaw {
-    /// Spin and strain terms with Kunhappan's constants (4.27, 4.28).
+    /// The constant that gives a straight rigid fibre Jeffery's period at Cox's aspect ratio.
     #[default]
-    Kunhappan,
-    /// The constant that gives a straight rigid fibre Jeffery's period.
     Jeffery,
+    /// Spin and strain terms with Kunhappan's constants (4.27, 4.28).
+    Kunhappan,
     /// No torque.
     None,
 }
@@ -260,9 +269,12 @@ pub enum AmbientFlow {
         /// Extension rate [1/s].
         rate: f64,
     },
-    /// Rotation about z: u = rate (−y, x, 0).
+    /// Counter-rotating cells: u = velocity (sin kx cos ky, −cos kx sin ky, 0), k = 2π/wavelength.
     Vortex {
-        /// Angular velocity [rad/s].
-        rate: f64,
+        /// Largest velocity [m/s].
+        velocity: f64,
+        /// Wavelength of the cells [m].
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        wavelength: f64,
     },
 }

@@ -46,25 +46,31 @@ pub enum Initial {
         bulk_velocity: [f64; 3],
     },
     /// Two-dimensional Taylor–Green vortices on a drift:
-    /// u = U + A cos kx' sin ky', v = V − A sin kx' cos ky', k = 2π/wavelength.
+    /// u = U + A sin kx' cos ky', v = V − A cos kx' sin ky', k = 2π/wavelength, x' = x − Ut, y' = y − Vt.
     TaylorGreen {
         /// A [m/s].
         amplitude: f64,
         /// Wavelength [m], the same in x and y.
         #[schemars(extend("exclusiveMinimum" = 0))]
         wavelength: f64,
-        /// Uniform drift (U, V, W) [m/s].
+        /// Uniform drift (U, V) [m/s].
         #[serde(default)]
-        drift: [f64; 3],
+        drift: [f64; 2],
     },
-    /// Poiseuille profile with divergence-free streamwise rolls and waves that decay at the walls.
+    /// Mean profile between the two walls of a box with random divergence-free eddies that vanish at the walls.
     PerturbedChannel {
-        /// Mean velocity [m/s].
+        /// Mean velocity [m/s], along x, y or z.
         bulk_velocity: [f64; 3],
-        /// Largest disturbance as a fraction of the mean velocity.
+        /// Shape of the mean profile.
+        #[serde(default)]
+        profile: ChannelProfile,
+        /// Root mean square of the eddies in the middle of the channel, by the mean velocity.
         #[serde(default = "tenth")]
         #[schemars(range(min = 0.0))]
-        amplitude: f64,
+        intensity: f64,
+        /// Seed of the eddies.
+        #[serde(default)]
+        seed: u64,
     },
     /// From formulas in x, y, z [m]: + − * / ^, parentheses, `pi`, and sin, cos, tan, sinh, cosh, tanh, exp, log, sqrt, abs.
     Expression {
@@ -80,6 +86,17 @@ pub enum Initial {
 
 fn tenth() -> f64 {
     0.1
+}
+
+/// Shape of the mean profile of a channel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum ChannelProfile {
+    /// Parabola.
+    #[default]
+    Laminar,
+    /// Seventh-root law.
+    Turbulent,
 }
 
 /// What drives the flow.

@@ -19,7 +19,9 @@ pub use fibres::{
     AmbientFlow, Clamp, Contact, Coupling, CouplingMode, DragLaw, FibreGroup, Gravity,
     Hydrodynamics, Orientation, Placement, PointLoad, Shape, TorqueLaw,
 };
-pub use fluid::{Boundary, Fluid, Forcing, Initial, Poisson, Preconditioner, Profile};
+pub use fluid::{
+    Boundary, ChannelProfile, Fluid, Forcing, Initial, Poisson, Preconditioner, Profile,
+};
 pub use mesh::{Ambient, BoxElement, Domain, MeshSource, Stretching};
 pub use run::{Exact, Output, Schedule, Time};
 pub use schema::json_schema;
@@ -68,6 +70,29 @@ pub struct Case {
     /// The exact answer, where the case has one; `summary.json` then lists the errors.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exact: Option<Exact>,
+}
+
+impl Case {
+    /// The box that holds the fibres, if the case says what it is.
+    pub fn domain(&self) -> Option<Domain> {
+        match (&self.mesh, &self.ambient) {
+            (
+                Some(MeshSource::Box {
+                    origin,
+                    size,
+                    periodic,
+                    ..
+                }),
+                _,
+            ) => Some(Domain {
+                origin: *origin,
+                size: *size,
+                periodic: *periodic,
+            }),
+            (None, Some(ambient)) => ambient.domain.clone(),
+            _ => None,
+        }
+    }
 }
 
 /// What the case is about.

@@ -34,6 +34,9 @@ pub struct Output {
     pub series: Schedule,
     /// Checkpoints; the last two are kept. Default: at the end.
     pub checkpoint: Schedule,
+    /// Fibres, by number from 0, of which a series is kept: middle, ends, end-to-end vector.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub track: Vec<u64>,
     /// Wall time after which the run writes a checkpoint and stops cleanly [s].
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0))]
@@ -49,6 +52,7 @@ impl Default for Output {
                 interval: None,
             },
             checkpoint: Schedule::default(),
+            track: Vec::new(),
             wall_time_limit: None,
         }
     }

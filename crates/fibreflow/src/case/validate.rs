@@ -1,8 +1,7 @@
 //! Rules that no schema can say: which keys go together, what must fit into what.
 
 use super::{
-    Case, CaseError, Document, Exact, Forcing, Initial, MeshSource, Placement, Schedule, Shape,
-    schema,
+    Case, CaseError, Document, Exact, Forcing, Initial, MeshSource, Placement, Schedule, schema,
 };
 
 type Checked = Result<(), Box<CaseError>>;
@@ -204,17 +203,6 @@ fn check_group(case: &Case, k: usize, document: &Document) -> Checked {
                 format!("`{} = {}` is larger than a segment is long ({segment:.4e} m)", path("diameter"), group.diameter),
             )
             .with_help("use fewer segments or a smaller diameter: a beam segment is at least as long as it is thick"));
-    }
-    if let Shape::U { radius } = group.shape
-        && length > std::f64::consts::TAU * radius
-    {
-        return Err(document.value_error(
-            &path("shape.radius"),
-            format!(
-                "`{} = {radius}`: a fibre of length {length} would close on itself",
-                path("shape.radius")
-            ),
-        ));
     }
     for (l, load) in group.point_loads.iter().enumerate() {
         let index = if load.node < 0 {

@@ -129,7 +129,7 @@ fn folders(root: &Path) -> Result<Vec<PathBuf>, CheckpointError> {
     Ok(found)
 }
 
-/// Reads the newest complete checkpoint in `root`. Collective.
+/// Reads the newest complete checkpoint in `root`, and says whether records moved between ranks. Collective.
 ///
 /// `nodes`: global indices of the nodes this rank owns. A checkpoint that is not complete is passed over in favour of
 /// the one before; `passed_over` is told why.
@@ -142,7 +142,7 @@ pub fn newest(
     nodes: &[u64],
     communicator: &Communicator,
     mut passed_over: impl FnMut(&CheckpointError),
-) -> Result<Snapshot, CheckpointError> {
+) -> Result<(Snapshot, bool), CheckpointError> {
     let folders = folders(root)?;
     let mut last = CheckpointError::Nothing {
         path: root.display().to_string(),
@@ -195,15 +195,19 @@ fn read(
     files: usize,
     nodes: &[u64],
     communicator: &Communicator,
-) -> Result<Snapshot, CheckpointError> {
+) -> Result<(Snapshot, bool), CheckpointError> {
     let one = |k: usize| file::read(&folder.join(format!("rank_{k:04}.h5")));
     let pieces: Result<Vec<Snapshot>, _> = share(communicator, files).map(one).collect();
     let mut pieces = agree(communicator, pieces)?;
     let same = pieces.len() == 1 && pieces[0].nodes == nodes;
     if files == communicator.size() && !communicator.any(!same) {
-        return Ok(pieces.swap_remove(0));
+        return Ok((pieces.swap_remove(0), false));
     }
-    Snapshot::redistributed(pieces, nodes, communicator, &folder.display().to_string())
+    let path = folder.display().to_string();
+    Ok((
+        Snapshot::redistributed(pieces, nodes, communicator, &path)?,
+        true,
+    ))
 }
 
 /// The result, or an error on every rank when any has one. Collective.
@@ -242,11 +246,12 @@ mod tests {
             write(root, &state, &c).expect("written");
         }
         assert_eq!(kept(root), ["step_00000030", "step_00000020"]);
-        let read = newest(root, &state.nodes, &c, |e| panic!("{e}")).expect("read");
-        assert_eq!(read, state);
+        let (read, moved) = newest(root, &state.nodes, &c, |e| panic!("{e}")).expect("read");
+        assert!(!moved && read == state);
         let mut backwards = state.nodes.clone();
         backwards.reverse();
-        let read = newest(root, &backwards, &c, |e| panic!("{e}")).expect("read");
+        let (read, moved) = newest(root, &backwards, &c, |e| panic!("{e}")).expect("read");
+        assert!(moved);
         assert_eq!(read.node_fields[0].values[..3], [19.0, 0.1 * 19.0, -19.0]);
     }
 
@@ -263,7 +268,7 @@ mod tests {
         let mut complaints = Vec::new();
         let read =
             newest(root, &state.nodes, &c, |e| complaints.push(e.to_string())).expect("read");
-        assert_eq!((read.step, complaints.len()), (20, 1));
+        assert_eq!((read.0.step, complaints.len()), (20, 1));
 
         let victim = folder_of(root, 20).join("rank_0000.h5");
         let mut bytes = std::fs::read(&victim).expect("read");

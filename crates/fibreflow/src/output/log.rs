@@ -53,3 +53,10 @@ impl Log {
         self.start.elapsed().as_secs_f64()
     }
 }
+
+/// Adds a line to a log that another rank may hold; for the error that ends a run.
+pub fn append(path: &Path, text: &str) {
+    if let Ok(mut file) = OpenOptions::new().append(true).open(path) {
+        let _ = writeln!(file, "error: {text}");
+    }
+}

@@ -201,7 +201,7 @@ impl Piece {
         file.flush()
     }
 
-    /// Writes the file that joins the pieces (`.pvtu` or `.pvtp`); `sources` are relative to it.
+    /// Writes the file that joins the pieces (`.pvtu`); `sources` are relative to it.
     ///
     /// # Errors
     /// Any error of the file system.
@@ -308,20 +308,23 @@ impl Collection {
         }
     }
 
-    /// Adds a data set, in place of one of the same name, and writes the file anew.
+    /// Adds the files of a time, in place of earlier ones of the same time, and writes the collection anew.
     ///
     /// # Errors
     /// Any error of the file system.
-    pub fn add(&mut self, path: &Path, time: f64, file: String) -> std::io::Result<()> {
-        self.entries.retain(|(_, f)| *f != file);
-        self.entries.push((time, file));
+    pub fn add(&mut self, path: &Path, time: f64, files: Vec<String>) -> std::io::Result<()> {
+        self.entries.retain(|(t, _)| *t != time);
+        self.entries.extend(files.into_iter().map(|f| (time, f)));
         let mut xml = String::from(
             "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n<Collection>\n",
         );
+        let (mut part, mut previous) = (0, f64::NAN);
         for (time, file) in &self.entries {
+            part = if *time == previous { part + 1 } else { 0 };
+            previous = *time;
             let _ = writeln!(
                 xml,
-                "<DataSet timestep=\"{time:?}\" part=\"0\" file=\"{file}\"/>"
+                "<DataSet timestep=\"{time:?}\" part=\"{part}\" file=\"{file}\"/>"
             );
         }
         xml.push_str("</Collection>\n</VTKFile>\n");
@@ -381,7 +384,7 @@ mod tests {
         let mut collection = Collection::default();
         for k in 0..4 {
             collection
-                .add(&path, 0.1 * f64::from(k), format!("fluid/{k}.pvtu"))
+                .add(&path, 0.1 * f64::from(k), vec![format!("fluid/{k}.pvtu")])
                 .expect("written");
         }
         let again = Collection::resume(&path, 0.2 + 1e-12);

@@ -1,0 +1,75 @@
+//! Command line.
+
+use clap::{Args, Parser, Subcommand};
+use std::path::PathBuf;
+
+/// Flexible fibres in incompressible flow, two-way coupled.
+#[derive(Debug, Parser)]
+#[command(name = "fibreflow", version)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Runs a case.
+    Run(RunArguments),
+    /// Checks a case file and its mesh without running it.
+    Check(CheckArguments),
+    /// Builds the mesh of a case, reports its quality and writes it as VTK.
+    Mesh(MeshArguments),
+    /// Says what a file or folder is: case, mesh, checkpoint or run.
+    Info {
+        /// A `.toml`, `.msh` or `.json` file, a run folder or a checkpoint folder.
+        file: PathBuf,
+    },
+}
+
+/// Arguments of `run`.
+#[derive(Debug, Args)]
+pub struct RunArguments {
+    /// Case file.
+    pub case: PathBuf,
+    /// Folder for the output [default: runs/NAME, with NAME from the folder of the case file].
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// Stop after so many steps.
+    #[arg(long)]
+    pub steps: Option<u64>,
+    /// Change a key of the case, as in `fluid.viscosity=1e-3` or `fibres.0.placement.count=10`.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub overrides: Vec<String>,
+    /// Go on from the newest complete checkpoint in the output folder.
+    #[arg(long)]
+    pub resume: bool,
+}
+
+/// Arguments of `check`.
+#[derive(Debug, Args)]
+pub struct CheckArguments {
+    /// Case file.
+    #[arg(required_unless_present = "schema")]
+    pub case: Option<PathBuf>,
+    /// Change a key of the case.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub overrides: Vec<String>,
+    /// Print the JSON schema of case files, for editors.
+    #[arg(long)]
+    pub schema: bool,
+}
+
+/// Arguments of `mesh`.
+#[derive(Debug, Args)]
+pub struct MeshArguments {
+    /// Case file.
+    pub case: PathBuf,
+    /// File to write.
+    #[arg(long, default_value = "mesh.vtu")]
+    pub out: PathBuf,
+    /// Change a key of the case.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub overrides: Vec<String>,
+}

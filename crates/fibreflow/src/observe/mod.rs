@@ -1,0 +1,172 @@
+//! What watches a run: series, pictures, checkpoints, progress.
+
+mod progress;
+mod save;
+mod series;
+mod vtk;
+
+pub use save::{restore, snapshot};
+
+use crate::case::{Case, Output};
+use crate::checkpoint;
+use crate::clock::Clock;
+use crate::error::ProgramError;
+use crate::figures::Figures;
+use crate::output::log::Log;
+use crate::scene::Scene;
+use progress::Progress;
+use series::AllSeries;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use vtk::VtkOutput;
+
+/// Why a run stops before its end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stop {
+    /// It does not.
+    GoOn,
+    /// SIGTERM, SIGINT or SIGUSR1.
+    Signal,
+    /// The wall-time limit of the case.
+    WallTime,
+}
+
+/// All observers of a run.
+pub struct Observers {
+    output: Output,
+    folder: PathBuf,
+    series: AllSeries,
+    vtk: VtkOutput,
+    progress: Progress,
+    signal: Arc<AtomicBool>,
+    last_checkpoint: Option<u64>,
+    resumed: bool,
+}
+
+impl Observers {
+    /// Opens the files of a run in `folder`; a run resumed at `clock` keeps what is there up to then. Collective.
+    ///
+    /// # Errors
+    /// Files that cannot be written.
+    pub fn new(
+        case: &Case,
+        folder: &Path,
+        scene: &Scene,
+        clock: &Clock,
+        resumed: bool,
+    ) -> Result<Self, ProgramError> {
+        let signal = Arc::new(AtomicBool::new(false));
+        for number in [
+            signal_hook::consts::SIGTERM,
+            signal_hook::consts::SIGINT,
+            signal_hook::consts::SIGUSR1,
+        ] {
+            signal_hook::flag::register(number, signal.clone())
+                .map_err(|e| ProgramError::failed(format!("signals cannot be watched: {e}")))?;
+        }
+        Ok(Self {
+            output: case.output.clone(),
+            series: AllSeries::open(case, folder, scene, resumed.then_some(clock.step))?,
+            vtk: VtkOutput::new(folder, scene, resumed.then_some(clock.time))?,
+            progress: Progress::new(clock),
+            folder: folder.to_owned(),
+            signal,
+            last_checkpoint: None,
+            resumed,
+        })
+    }
+
+    /// The state before the first step. Collective.
+    ///
+    /// # Errors
+    /// Files that cannot be written.
+    pub fn start(
+        &mut self,
+        scene: &Scene,
+        clock: &Clock,
+        log: &mut Log,
+    ) -> Result<(), ProgramError> {
+        if !self.resumed {
+            self.series.write(scene, clock, &Figures::default())?;
+            self.vtk.write(scene, clock)?;
+        }
+        self.progress.start(log);
+        Ok(())
+    }
+
+    /// After every step: writes what is due. Collective.
+    ///
+    /// # Errors
+    /// Files that cannot be written.
+    pub fn observe(
+        &mut self,
+        scene: &Scene,
+        clock: &Clock,
+        figures: &Figures,
+        log: &mut Log,
+    ) -> Result<Stop, ProgramError> {
+        if clock.is_due(&self.output.series) {
+            self.series.write(scene, clock, figures)?;
+        }
+        if clock.is_due(&self.output.vtk) {
+            self.vtk.write(scene, clock)?;
+        }
+        self.progress.show(clock, figures, log);
+        let stop = self.stop(scene, log);
+        if clock.is_due(&self.output.checkpoint) || stop != Stop::GoOn {
+            self.save(scene, clock, log)?;
+        }
+        Ok(stop)
+    }
+
+    /// After the last step. Collective.
+    ///
+    /// # Errors
+    /// Files that cannot be written.
+    pub fn finish(
+        &mut self,
+        scene: &Scene,
+        clock: &Clock,
+        figures: &Figures,
+        log: &mut Log,
+    ) -> Result<(), ProgramError> {
+        self.progress.last(clock, figures, log);
+        if clock.step > 0 && !clock.is_due(&self.output.series) {
+            self.series.write(scene, clock, figures)?;
+        }
+        self.series.flush()?;
+        if clock.step > 0 && !clock.is_due(&self.output.vtk) {
+            self.vtk.write(scene, clock)?;
+        }
+        self.save(scene, clock, log)
+    }
+
+    fn save(&mut self, scene: &Scene, clock: &Clock, log: &mut Log) -> Result<(), ProgramError> {
+        if self.last_checkpoint == Some(clock.step) {
+            return Ok(());
+        }
+        // A resumed series must not miss what came before the checkpoint.
+        self.series.flush()?;
+        let root = self.folder.join("checkpoint");
+        checkpoint::write(&root, &snapshot(scene, clock), &scene.communicator)?;
+        self.last_checkpoint = Some(clock.step);
+        log.note(&format!("checkpoint at step {}", clock.step));
+        Ok(())
+    }
+
+    /// The same on every rank.
+    fn stop(&self, scene: &Scene, log: &Log) -> Stop {
+        let signal = self.signal.load(Ordering::Relaxed);
+        let late = self
+            .output
+            .wall_time_limit
+            .is_some_and(|limit| log.elapsed() > limit);
+        let reason = f64::from(u8::from(late)).max(2.0 * f64::from(u8::from(signal)));
+        match scene.communicator.max(reason) {
+            r if r >= 2.0 => Stop::Signal,
+            r if r >= 1.0 => Stop::WallTime,
+            _ => Stop::GoOn,
+        }
+    }
+}

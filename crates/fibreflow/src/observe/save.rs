@@ -1,0 +1,94 @@
+//! Between the state of a scene and a checkpoint.
+
+use crate::checkpoint::{CheckpointError, NodeField, PairField, Snapshot};
+use crate::clock::Clock;
+use crate::error::ProgramError;
+use crate::scene::{Flow, Scene};
+use fibreflow_fibre::{FibreRecord, FibreState};
+use fibreflow_fluid::FluidState;
+
+const TIME: &str = "run.time";
+const DT: &str = "run.dt";
+
+/// Everything a resumed run needs.
+pub fn snapshot(scene: &Scene, clock: &Clock) -> Snapshot {
+    let mut snapshot = Snapshot {
+        step: clock.step,
+        scalars: vec![(TIME.into(), clock.time), (DT.into(), clock.dt)],
+        ..Snapshot::default()
+    };
+    if let Some(fluid) = scene.flow.fluid() {
+        let state = fluid.state();
+        let (mesh, geometry) = (fluid.mesh(), fluid.geometry());
+        let owned = mesh.owned();
+        snapshot.nodes = mesh.global_nodes[..owned].to_vec();
+        snapshot.row_lengths = (0..owned).map(|i| geometry.row(i).len() as u32).collect();
+        let node = |(name, width, values)| NodeField {
+            name,
+            width,
+            values,
+        };
+        let pair = |(name, values)| PairField { name, values };
+        snapshot.node_fields = state.node.into_iter().map(node).collect();
+        snapshot.pair_fields = state.pair.into_iter().map(pair).collect();
+        snapshot.scalars.extend(state.scalars);
+    }
+    if let Some(fibres) = &scene.fibres {
+        let state = fibres.state();
+        for record in state.records {
+            snapshot.fibres.push(record.id, record.words);
+        }
+        snapshot.scalars.extend(state.scalars);
+    }
+    snapshot
+}
+
+/// Puts a checkpoint's state into a scene that was set up from the same case, and the clock where it was. Collective.
+///
+/// # Errors
+/// A checkpoint that does not fit the case.
+pub fn restore(
+    scene: &mut Scene,
+    clock: &mut Clock,
+    snapshot: Snapshot,
+) -> Result<(), ProgramError> {
+    let scalar = |name: &str| {
+        let found = snapshot.scalars.iter().find(|(n, _)| n == name);
+        found.map(|(_, v)| *v)
+    };
+    let (Some(time), Some(dt)) = (scalar(TIME), scalar(DT)) else {
+        return Err(ProgramError::input(CheckpointError::Foreign {
+            path: "checkpoint".into(),
+            reason: "it holds no time".into(),
+        }));
+    };
+    (clock.step, clock.time, clock.dt) = (snapshot.step, time, dt);
+    if let Flow::Solved(solved) = &mut scene.flow {
+        let state = FluidState {
+            node: snapshot
+                .node_fields
+                .into_iter()
+                .map(|f| (f.name, f.width, f.values))
+                .collect(),
+            pair: snapshot
+                .pair_fields
+                .into_iter()
+                .map(|f| (f.name, f.values))
+                .collect(),
+            scalars: snapshot.scalars.clone(),
+        };
+        solved.fluid.restore(state).map_err(ProgramError::input)?;
+    }
+    if let Some(fibres) = &mut scene.fibres {
+        let record = |(id, words): (u64, &[u64])| FibreRecord {
+            id,
+            words: words.to_vec(),
+        };
+        let state = FibreState {
+            records: snapshot.fibres.iter().map(record).collect(),
+            scalars: snapshot.scalars,
+        };
+        fibres.restore(state).map_err(ProgramError::input)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,213 @@
+//! The CSV series of a run.
+
+use crate::case::Case;
+use crate::clock::Clock;
+use crate::error::ProgramError;
+use crate::figures::Figures;
+use crate::output::series::Series;
+use crate::scene::Scene;
+use fibreflow_fibre::FibreSystem;
+use fibreflow_fibre::contact::ContactSystem;
+use fibreflow_fluid::Fluid;
+use std::path::Path;
+
+const FLUID: [&str; 14] = [
+    "dt",
+    "cfl",
+    "divergence_max",
+    "poisson_iterations",
+    "momentum_iterations",
+    "kinetic_energy",
+    "bulk_velocity_x",
+    "bulk_velocity_y",
+    "bulk_velocity_z",
+    "driving_force_x",
+    "driving_force_y",
+    "driving_force_z",
+    "outside_points",
+    "momentum_defect",
+];
+const FIBRES: [&str; 12] = [
+    "substeps",
+    "kinetic_energy",
+    "stretching_energy",
+    "bending_energy",
+    "torsion_energy",
+    "momentum_x",
+    "momentum_y",
+    "momentum_z",
+    "mean_curvature",
+    "contacts",
+    "wall_contacts",
+    "max_overlap",
+];
+const TRACK: [&str; 9] = [
+    "centre_x",
+    "centre_y",
+    "centre_z",
+    "end_x",
+    "end_y",
+    "end_z",
+    "end_to_end_x",
+    "end_to_end_y",
+    "end_to_end_z",
+];
+
+/// Series of fluid, fibres and tracked fibres; files on rank 0 only.
+pub struct AllSeries {
+    fluid: Option<Series>,
+    fibres: Option<Series>,
+    tracks: Vec<(u64, Option<Series>)>,
+}
+
+impl AllSeries {
+    /// Opens `series/fluid.csv`, `series/fibres.csv` and `series/fibre_ID.csv`, as far as the case has them.
+    ///
+    /// # Errors
+    /// Files that cannot be written.
+    pub fn open(
+        case: &Case,
+        folder: &Path,
+        scene: &Scene,
+        resume: Option<u64>,
+    ) -> Result<Self, ProgramError> {
+        let root = scene.communicator.is_root();
+        let open = |name: &str, columns: &[&str], wanted: bool| {
+            let path = folder.join("series").join(name);
+            let series = (root && wanted).then(|| Series::open(&path, columns, resume));
+            series
+                .transpose()
+                .map_err(|e| ProgramError::output(&path, &e))
+        };
+        let mut tracks = Vec::new();
+        for &id in &case.output.track {
+            tracks.push((id, open(&format!("fibre_{id}.csv"), &TRACK, true)?));
+        }
+        Ok(Self {
+            fluid: open("fluid.csv", &FLUID, scene.flow.fluid().is_some())?,
+            fibres: open("fibres.csv", &FIBRES, scene.fibres.is_some())?,
+            tracks,
+        })
+    }
+
+    /// One line in each. Collective.
+    ///
+    /// # Errors
+    /// Files that cannot be written.
+    pub fn write(
+        &mut self,
+        scene: &Scene,
+        clock: &Clock,
+        figures: &Figures,
+    ) -> Result<(), ProgramError> {
+        if let Some(fluid) = scene.flow.fluid() {
+            put(&mut self.fluid, clock, &fluid_values(fluid, clock, figures))?;
+        }
+        if let Some(fibres) = &scene.fibres {
+            let mut values = fibre_values(fibres);
+            scene.communicator.sum_slice(&mut values);
+            let [sums @ .., curvature, length] = values;
+            let mut line = vec![figures.substeps as f64];
+            line.extend(sums);
+            line.push(if length > 0.0 {
+                curvature / length
+            } else {
+                0.0
+            });
+            let contacts = fibres.contacts().map(ContactSystem::statistics);
+            let contacts = contacts.unwrap_or_default();
+            let counts = [contacts.contacts, contacts.wall_contacts];
+            line.extend(counts.map(|n| n as f64));
+            line.push(contacts.max_overlap);
+            put(&mut self.fibres, clock, &line)?;
+            for (id, series) in &mut self.tracks {
+                let mut values = track_values(fibres, *id);
+                scene.communicator.sum_slice(&mut values);
+                put(series, clock, &values)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Hands everything to the system.
+    ///
+    /// # Errors
+    /// Files that cannot be written.
+    pub fn flush(&mut self) -> Result<(), ProgramError> {
+        let tracks = self.tracks.iter_mut().map(|(_, s)| s);
+        for series in [&mut self.fluid, &mut self.fibres]
+            .into_iter()
+            .chain(tracks)
+            .flatten()
+        {
+            series
+                .flush()
+                .map_err(|e| ProgramError::failed(format!("a series cannot be written: {e}")))?;
+        }
+        Ok(())
+    }
+}
+
+fn put(series: &mut Option<Series>, clock: &Clock, values: &[f64]) -> Result<(), ProgramError> {
+    match series {
+        Some(series) => series
+            .line(clock.step, clock.time, values)
+            .map_err(|e| ProgramError::failed(format!("a series cannot be written: {e}"))),
+        None => Ok(()),
+    }
+}
+
+fn fluid_values(fluid: &Fluid, clock: &Clock, figures: &Figures) -> Vec<f64> {
+    let mut values = vec![
+        clock.dt,
+        figures.cfl,
+        figures.divergence,
+        figures.poisson_iterations as f64,
+        figures.momentum_iterations as f64,
+        fluid.kinetic_energy(),
+    ];
+    values.extend(fluid.bulk_velocity());
+    values.extend(fluid.driving_force());
+    values.extend([figures.outside as f64, figures.momentum_defect]);
+    values
+}
+
+/// Energies, momentum, and the sums of curvature × length and of length for the mean.
+fn fibre_values(fibres: &FibreSystem) -> [f64; 9] {
+    let energy = fibres.energy();
+    let momentum = fibres.momentum();
+    let (mut curvature, mut length) = (0.0, 0.0);
+    let mut inner = Vec::new();
+    for fibre in 0..fibres.fibres() {
+        fibres.curvature(fibre, &mut inner);
+        let weight = fibres.length(fibre);
+        let count = inner.len().max(1) as f64;
+        curvature += weight * inner.iter().map(|k| k.norm()).sum::<f64>() / count;
+        length += weight;
+    }
+    [
+        energy.kinetic,
+        energy.elastic.stretching,
+        energy.elastic.bending,
+        energy.elastic.torsion,
+        momentum.x,
+        momentum.y,
+        momentum.z,
+        curvature,
+        length,
+    ]
+}
+
+/// Zeros on ranks that do not own the fibre.
+fn track_values(fibres: &FibreSystem, id: u64) -> [f64; 9] {
+    let Some(fibre) = fibres.find(id) else {
+        return [0.0; 9];
+    };
+    let end = fibres.positions()[fibres.offsets()[fibre + 1] - 1];
+    let mut values = [0.0; 9];
+    let vectors = [fibres.centre(fibre), end, fibres.end_to_end(fibre)];
+    for (slot, value) in values.iter_mut().zip(vectors.iter().flat_map(|v| v.iter())) {
+        *slot = *value;
+    }
+    values
+}

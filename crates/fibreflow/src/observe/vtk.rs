@@ -1,0 +1,207 @@
+//! VTK files of fluid and fibres, a piece a rank.
+
+use crate::clock::Clock;
+use crate::error::{ProgramError, agree};
+use crate::output::grid::Grid;
+use crate::output::vtk::{Array, Collection, Piece, Topology};
+use crate::scene::Scene;
+use fibreflow_fibre::FibreSystem;
+use fibreflow_fluid::Fluid;
+use fibreflow_mesh::Periods;
+use fibreflow_parallel::Communicator;
+use std::path::{Path, PathBuf};
+
+/// Writer of `fluid/…`, `fluid.pvd`, `fibres/…`, `fibres.pvd`.
+pub struct VtkOutput {
+    folder: PathBuf,
+    grid: Option<Grid>,
+    periods: Periods,
+    fluid: Collection,
+    fibres: Collection,
+}
+
+impl VtkOutput {
+    /// A new output, or one that goes on after `resume` \[s\].
+    ///
+    /// # Errors
+    /// Folders that cannot be made.
+    pub fn new(folder: &Path, scene: &Scene, resume: Option<f64>) -> Result<Self, ProgramError> {
+        let fluid = scene.flow.fluid();
+        let collection = |name: &str| match resume {
+            Some(time) => Collection::resume(&folder.join(name), time),
+            None => Collection::default(),
+        };
+        Ok(Self {
+            folder: folder.to_owned(),
+            grid: fluid.map(|f| Grid::new(f.mesh())),
+            periods: scene.periods,
+            fluid: collection("fluid.pvd"),
+            fibres: collection("fibres.pvd"),
+        })
+    }
+
+    /// One data set of each. Collective.
+    ///
+    /// # Errors
+    /// Files that cannot be written.
+    pub fn write(&mut self, scene: &Scene, clock: &Clock) -> Result<(), ProgramError> {
+        let (folder, communicator) = (self.folder.clone(), &scene.communicator);
+        if let (Some(fluid), Some(grid)) = (scene.flow.fluid(), &self.grid) {
+            let piece = fluid_piece(grid, fluid);
+            let set = DataSet {
+                folder: &folder,
+                name: "fluid",
+                extension: "vtu",
+                communicator,
+            };
+            set.write(&piece, clock, &mut self.fluid)?;
+        }
+        if let Some(fibres) = &scene.fibres {
+            let piece = fibre_piece(fibres, &self.periods);
+            let set = DataSet {
+                folder: &folder,
+                name: "fibres",
+                extension: "vtp",
+                communicator,
+            };
+            set.write(&piece, clock, &mut self.fibres)?;
+        }
+        Ok(())
+    }
+}
+
+struct DataSet<'a> {
+    folder: &'a Path,
+    name: &'a str,
+    extension: &'a str,
+    communicator: &'a Communicator,
+}
+
+impl DataSet<'_> {
+    /// Every rank its piece, then rank 0 the index and the collection.
+    fn write(
+        &self,
+        piece: &Piece,
+        clock: &Clock,
+        collection: &mut Collection,
+    ) -> Result<(), ProgramError> {
+        let stem = |rank: usize| {
+            format!(
+                "{}_{:08}_{rank:04}.{}",
+                self.name, clock.step, self.extension
+            )
+        };
+        let path = self
+            .folder
+            .join(self.name)
+            .join(stem(self.communicator.rank()));
+        let written = piece
+            .write(&path)
+            .map_err(|e| ProgramError::output(&path, &e));
+        agree(self.communicator, written)?;
+        let points = self.communicator.all_gather(&[piece.points.len() as u64]);
+        let result = if self.communicator.is_root() {
+            let filled = points
+                .iter()
+                .enumerate()
+                .filter(|(rank, n)| n[0] > 0 || *rank == 0);
+            let sources: Vec<String> = filled.map(|(rank, _)| stem(rank)).collect();
+            self.index(piece, sources, clock, collection)
+        } else {
+            Ok(())
+        };
+        agree(self.communicator, result)
+    }
+
+    /// The pieces of a fluid are joined by a `.pvtu`; those of fibres, for which pyvista reads no such file, are parts
+    /// of the collection.
+    fn index(
+        &self,
+        piece: &Piece,
+        sources: Vec<String>,
+        clock: &Clock,
+        collection: &mut Collection,
+    ) -> Result<(), ProgramError> {
+        let name = self.name;
+        let files = if self.extension == "vtu" {
+            let file = format!("{name}/{name}_{:08}.pvtu", clock.step);
+            let path = self.folder.join(&file);
+            let written = piece.write_index(&path, &sources);
+            written.map_err(|e| ProgramError::output(&path, &e))?;
+            vec![file]
+        } else {
+            sources.iter().map(|s| format!("{name}/{s}")).collect()
+        };
+        let path = self.folder.join(format!("{name}.pvd"));
+        let added = collection.add(&path, clock.time, files);
+        added.map_err(|e| ProgramError::output(&path, &e))
+    }
+}
+
+/// Velocity [m/s], pressure [Pa], body force [N/m³].
+fn fluid_piece(grid: &Grid, fluid: &Fluid) -> Piece {
+    let density = fluid.settings().density;
+    let pressure: Vec<f64> = fluid.pressure().iter().map(|p| p * density).collect();
+    let mut force = fluid.body_force().to_vec();
+    fluid.mesh().halo.update(&mut force);
+    grid.piece(vec![
+        grid.vector("velocity", fluid.velocity()),
+        grid.scalar("pressure", &pressure),
+        grid.vector("body_force", &force),
+    ])
+}
+
+/// One polyline a fibre, shifted as a whole so that its middle lies in the first period.
+fn fibre_piece(fibres: &FibreSystem, periods: &Periods) -> Piece {
+    let nodes = fibres.positions().len();
+    let mut points = Vec::with_capacity(nodes);
+    let mut radius = Vec::with_capacity(nodes);
+    let mut curvature = Vec::with_capacity(nodes);
+    let mut inner = Vec::new();
+    for fibre in 0..fibres.fibres() {
+        let range = fibres.offsets()[fibre]..fibres.offsets()[fibre + 1];
+        let shift = home_shift(fibres.centre(fibre).into(), periods);
+        for x in &fibres.positions()[range.clone()] {
+            points.push(std::array::from_fn(|c| x[c] - shift[c]));
+        }
+        radius.extend(range.map(|_| fibres.material(fibre).radius));
+        fibres.curvature(fibre, &mut inner);
+        let bend = |k: usize| inner.get(k).map_or(0.0, |v| v.norm());
+        // The ends have no curvature of their own: they show their neighbour's.
+        curvature.push(bend(0));
+        curvature.extend((0..inner.len()).map(bend));
+        curvature.push(bend(inner.len().saturating_sub(1)));
+    }
+    let offsets = fibres.offsets().iter().skip(1).map(|&o| o as i64).collect();
+    let ids = (0..fibres.fibres()).map(|f| fibres.id(f) as i64).collect();
+    Piece {
+        points,
+        topology: Topology::Lines {
+            connectivity: (0..nodes as i64).collect(),
+            offsets,
+        },
+        point_data: vec![
+            Array::scalar("radius", radius),
+            Array::vector(
+                "velocity",
+                fibres.velocities().iter().map(|v| [v.x, v.y, v.z]),
+            ),
+            Array::scalar("curvature", curvature),
+        ],
+        cell_data: vec![Array::integer("fibre", ids)],
+    }
+}
+
+/// Lattice translation from the first period, measured from the origin, to where the point is.
+fn home_shift(x: [f64; 3], periods: &Periods) -> [f64; 3] {
+    let mut shift = [0.0; 3];
+    for vector in periods.vectors {
+        let square: f64 = vector.iter().map(|v| v * v).sum();
+        if square > 0.0 {
+            let along: f64 = (0..3).map(|c| x[c] * vector[c]).sum();
+            let count = (along / square).floor();
+            (0..3).for_each(|c| shift[c] += count * vector[c]);
+        }
+    }
+    shift
+}

@@ -1,0 +1,265 @@
+//! The flow around the fibres: solved for on a mesh, or prescribed.
+
+use super::initial::velocity_field;
+use super::mesh::SceneMesh;
+use crate::case::{self, Boundary, Case, CouplingMode, Domain, Profile};
+use crate::error::ProgramError;
+use fibreflow_coupling::{Coupling, SpreadReport};
+use fibreflow_fibre::hydrodynamics::AmbientFlow;
+use fibreflow_fibre::{Ambient, FibreSystem, Points, Reaction};
+use fibreflow_fluid::{
+    BoundaryCondition, Fluid, FluidSettings, Forcing, InletProfile, PressurePreconditioner,
+    StepReport,
+};
+use fibreflow_mesh::LocalMesh;
+use fibreflow_solve::CgSettings;
+use nalgebra::Vector3;
+use std::path::Path;
+
+/// The flow around the fibres.
+pub enum Flow {
+    /// A fluid on a mesh.
+    Solved(Box<Solved>),
+    /// A formula.
+    Prescribed(AmbientFlow),
+}
+
+/// A fluid and what couples fibres to it.
+pub struct Solved {
+    /// The solver.
+    pub fluid: Fluid,
+    /// Sampling and spreading.
+    pub coupling: Coupling,
+    /// The fibres act back on the fluid.
+    pub two_way: bool,
+}
+
+impl Flow {
+    /// The flow of a case at its start. Collective.
+    ///
+    /// # Errors
+    /// Boundaries, forcing or initial field that do not fit.
+    pub fn new(case: &Case, mesh: Option<SceneMesh>, folder: &Path) -> Result<Self, ProgramError> {
+        match (&case.fluid, mesh, &case.ambient) {
+            (Some(fluid), Some(mesh), _) => {
+                let solved = solved(case, fluid, &mesh, folder)?;
+                Ok(Self::Solved(Box::new(solved)))
+            }
+            (_, _, Some(ambient)) => Ok(Self::Prescribed(prescribed(&ambient.flow))),
+            _ => Err(ProgramError::input(
+                "the case has neither a fluid nor a prescribed flow",
+            )),
+        }
+    }
+
+    /// The fluid, if it is solved for.
+    pub fn fluid(&self) -> Option<&Fluid> {
+        match self {
+            Self::Solved(solved) => Some(&solved.fluid),
+            Self::Prescribed(_) => None,
+        }
+    }
+
+    /// u and ∇u at every hydrodynamic point: the adjoint of [`Flow::spread`]. Collective.
+    ///
+    /// # Errors
+    /// Points at positions that are not finite.
+    pub fn sample(&mut self, points: &Points, ambient: &mut Ambient) -> Result<(), ProgramError> {
+        match self {
+            Self::Solved(solved) => {
+                let velocity = solved.fluid.velocity();
+                solved
+                    .coupling
+                    .sample(velocity, &points.position, ambient)?;
+            }
+            Self::Prescribed(flow) => {
+                ambient.velocity.clear();
+                ambient.gradient.clear();
+                for x in &points.position {
+                    let (u, gradient) = flow.at(x);
+                    ambient.velocity.push(u);
+                    ambient.gradient.push(gradient);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The fibres' reaction as a body force of the next fluid step, momentum conserved. Collective.
+    ///
+    /// # Errors
+    /// A reaction that does not fit the points sampled last.
+    pub fn spread(&mut self, reaction: &Reaction) -> Result<Option<SpreadReport>, ProgramError> {
+        match self {
+            Self::Solved(solved) if solved.two_way => {
+                let force = solved.fluid.body_force_mut();
+                force.fill([0.0; 4]);
+                Ok(Some(solved.coupling.spread(reaction, force)?))
+            }
+            _ => Ok(None),
+        }
+    }
+
+    /// One fluid step: convect, diffuse, project. Collective.
+    ///
+    /// # Errors
+    /// A solve that does not converge, or a value that is not finite.
+    pub fn advance(&mut self, dt: f64) -> Result<Option<StepReport>, ProgramError> {
+        match self {
+            Self::Solved(solved) => Ok(Some(solved.fluid.advance(dt)?)),
+            Self::Prescribed(_) => Ok(None),
+        }
+    }
+
+    /// Longest step that the case allows now \[s\]. Collective.
+    pub fn suggest_step(&self, time: &case::Time) -> f64 {
+        let longest = time.max_step.unwrap_or(time.end);
+        match (self, time.step, time.cfl) {
+            (_, Some(step), _) => step,
+            (Self::Solved(solved), None, Some(cfl)) => solved.fluid.suggest_dt(cfl, longest),
+            _ => longest,
+        }
+    }
+
+    /// Gives every fibre to the rank that holds the fluid around its middle. Collective.
+    ///
+    /// # Errors
+    /// Points at positions that are not finite.
+    pub fn settle(&mut self, fibres: &mut FibreSystem) -> Result<(), ProgramError> {
+        let Self::Solved(solved) = self else {
+            return Ok(());
+        };
+        let mut points = Points::default();
+        fibres.points(&mut points);
+        let mut ambient = Ambient::default();
+        let velocity = solved.fluid.velocity();
+        solved
+            .coupling
+            .sample(velocity, &points.position, &mut ambient)?;
+        let loads = super::fibres::loads(fibres, &points);
+        let destination = solved.coupling.points_owner(&loads);
+        fibres.migrate(&destination)?;
+        Ok(())
+    }
+}
+
+fn prescribed(flow: &case::AmbientFlow) -> AmbientFlow {
+    match *flow {
+        case::AmbientFlow::Quiescent => AmbientFlow::Quiescent,
+        case::AmbientFlow::Uniform { velocity } => AmbientFlow::Uniform(Vector3::from(velocity)),
+        case::AmbientFlow::Shear { rate } => AmbientFlow::Shear { rate },
+        case::AmbientFlow::Extension { rate } => AmbientFlow::Extension { rate },
+        case::AmbientFlow::PlanarExtension { rate } => AmbientFlow::PlanarExtension { rate },
+        case::AmbientFlow::Vortex {
+            velocity,
+            wavelength,
+        } => AmbientFlow::Vortex {
+            velocity,
+            wavelength,
+        },
+    }
+}
+
+fn solved(
+    case: &Case,
+    fluid: &case::Fluid,
+    mesh: &SceneMesh,
+    folder: &Path,
+) -> Result<Solved, ProgramError> {
+    let domain = case.domain();
+    let mut settings = FluidSettings::new(fluid.density, fluid.viscosity);
+    settings.boundary = conditions(fluid, &mesh.local, domain.as_ref())?;
+    settings.forcing = match fluid.forcing {
+        case::Forcing::None => Forcing::default(),
+        case::Forcing::PressureGradient { value } => Forcing::PressureGradient(value),
+        case::Forcing::BulkVelocity { direction, value } => {
+            Forcing::BulkVelocity { direction, value }
+        }
+    };
+    settings.pressure = CgSettings {
+        relative_tolerance: fluid.poisson.tolerance,
+        absolute_tolerance: 0.0,
+        max_iterations: fluid.poisson.max_iterations,
+    };
+    settings.momentum = settings.pressure;
+    settings.preconditioner = match fluid.poisson.preconditioner {
+        case::Preconditioner::Amg => PressurePreconditioner::Amg,
+        case::Preconditioner::Jacobi => PressurePreconditioner::Jacobi,
+    };
+    let initial = velocity_field(&fluid.initial, domain.as_ref(), folder)?;
+    let as_input = |e| ProgramError::input(format!("[fluid]: {e}"));
+    let mut solver =
+        Fluid::new(mesh.local.clone(), mesh.geometry.clone(), settings).map_err(as_input)?;
+    solver.set_velocity(initial).map_err(as_input)?;
+    let given = given_velocity(mesh, &solver.settings().boundary);
+    Ok(Solved {
+        coupling: Coupling::new(mesh.local.clone(), mesh.geometry.clone(), given)?,
+        two_way: case.coupling.mode == CouplingMode::TwoWay,
+        fluid: solver,
+    })
+}
+
+/// Owned nodes whose velocity is given.
+fn given_velocity(mesh: &SceneMesh, conditions: &[BoundaryCondition]) -> Vec<bool> {
+    let mut given = vec![false; mesh.local.owned()];
+    for share in &mesh.geometry.boundary {
+        let condition = &conditions[share.patch as usize];
+        given[share.node as usize] |= matches!(
+            condition,
+            BoundaryCondition::Wall { .. } | BoundaryCondition::Inlet { .. }
+        );
+    }
+    given
+}
+
+/// One condition for each patch, in the order of the mesh.
+fn conditions(
+    fluid: &case::Fluid,
+    mesh: &LocalMesh,
+    domain: Option<&Domain>,
+) -> Result<Vec<BoundaryCondition>, ProgramError> {
+    let condition = |name: &String| match &fluid.boundaries[name] {
+        Boundary::Wall {} => Ok(BoundaryCondition::WALL),
+        Boundary::MovingWall { velocity } => Ok(BoundaryCondition::Wall {
+            velocity: *velocity,
+        }),
+        Boundary::Slip {} => Ok(BoundaryCondition::Slip),
+        Boundary::Outlet { pressure } => Ok(BoundaryCondition::Outlet {
+            pressure: *pressure,
+        }),
+        Boundary::Inlet { velocity, profile } => {
+            let profile = match profile {
+                Profile::Uniform => InletProfile::Uniform(*velocity),
+                Profile::Parabolic => parabolic(fluid, name, *velocity, domain)?,
+            };
+            Ok(BoundaryCondition::Inlet { profile })
+        }
+    };
+    mesh.patches.iter().map(condition).collect()
+}
+
+/// Parabola between the two opposite walls of the box that the inlet touches.
+fn parabolic(
+    fluid: &case::Fluid,
+    inlet: &str,
+    mean: [f64; 3],
+    domain: Option<&Domain>,
+) -> Result<InletProfile, ProgramError> {
+    let is_wall = |patch: String| matches!(fluid.boundaries.get(&patch), Some(Boundary::Wall {}));
+    let axis = (0..3).find(|&c| {
+        let letter = ["x", "y", "z"][c];
+        !inlet.starts_with(letter)
+            && ["min", "max"]
+                .iter()
+                .all(|e| is_wall(format!("{letter}_{e}")))
+    });
+    match (axis, domain) {
+        (Some(axis), Some(d)) => {
+            let low = d.origin[axis];
+            Ok(InletProfile::parabolic(mean, axis, low, low + d.size[axis]))
+        }
+        _ => Err(ProgramError::input(format!(
+            "fluid.boundaries.{inlet}.profile = \"parabolic\" needs a box mesh with two opposite walls beside the inlet"
+        ))),
+    }
+}

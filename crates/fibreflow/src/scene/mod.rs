@@ -1,0 +1,137 @@
+//! What a case describes, ready to be advanced: flow, fibres, coupling.
+
+mod exact;
+mod expression;
+mod fibres;
+mod flow;
+mod initial;
+mod mesh;
+
+pub use exact::errors;
+pub use flow::{Flow, Solved};
+pub use mesh::{SceneMesh, build as build_mesh};
+
+use crate::case::{Case, Document, validate_domain};
+use crate::error::{ProgramError, agree};
+use fibreflow_fibre::FibreSystem;
+use fibreflow_mesh::Periods;
+use fibreflow_parallel::Communicator;
+use std::path::Path;
+
+/// Flow and fibres of a case.
+pub struct Scene {
+    /// All ranks.
+    pub communicator: Communicator,
+    /// The fluid that is solved for, or the prescribed flow.
+    pub flow: Flow,
+    /// Fibres of this rank; None in a case without fibres.
+    pub fibres: Option<FibreSystem>,
+    /// Fibres on all ranks.
+    pub fibre_count: usize,
+    /// Periodic directions.
+    pub periods: Periods,
+    /// Checksum of the mesh.
+    pub mesh_checksum: Option<u64>,
+}
+
+impl Scene {
+    /// Sets a case up at its start. `folder` is that of the case file. Collective.
+    ///
+    /// # Errors
+    /// Whatever is wrong with mesh, boundaries, initial field or fibres; every rank fails then.
+    pub fn new(
+        case: &Case,
+        document: &Document,
+        folder: &Path,
+        communicator: &Communicator,
+    ) -> Result<Self, ProgramError> {
+        let mesh = build_mesh(case, document, folder, communicator)?;
+        check_fibres(case, document, mesh.as_ref(), communicator)?;
+        let mesh_checksum = mesh.as_ref().map(|m| m.checksum);
+        let periods = periods(case, mesh.as_ref());
+        let spacing = mesh.as_ref().map_or(f64::INFINITY, SceneMesh::spacing);
+        let flow = agree(communicator, Flow::new(case, mesh, folder))?;
+        let placed = agree(
+            communicator,
+            fibres::place(case, spacing, &periods, communicator),
+        )?;
+        let fibre_count = placed.as_ref().map_or(0, |p| p.1);
+        let mut scene = Self {
+            communicator: communicator.clone(),
+            flow,
+            fibres: placed.map(|p| p.0),
+            fibre_count,
+            periods,
+            mesh_checksum,
+        };
+        let settled = scene.settle();
+        agree(communicator, settled)?;
+        Ok(scene)
+    }
+
+    /// Global indices of the fluid nodes that this rank owns.
+    pub fn owned_nodes(&self) -> Vec<u64> {
+        let mesh = self.flow.fluid().map(|f| f.mesh());
+        mesh.map_or_else(Vec::new, |m| m.global_nodes[..m.owned()].to_vec())
+    }
+
+    /// The fibres act back on the fluid.
+    pub fn two_way(&self) -> bool {
+        self.fibres.is_some() && matches!(&self.flow, Flow::Solved(s) if s.two_way)
+    }
+
+    /// Gives every fibre to the rank that holds the fluid around its middle. Collective.
+    ///
+    /// # Errors
+    /// Fibres at positions that are not finite.
+    pub fn settle(&mut self) -> Result<(), ProgramError> {
+        match &mut self.fibres {
+            Some(fibres) => self.flow.settle(fibres),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Periods of the mesh, or of the box of a prescribed flow.
+fn periods(case: &Case, mesh: Option<&SceneMesh>) -> Periods {
+    let mut periods = Periods::default();
+    match (mesh, case.domain()) {
+        (Some(mesh), _) => periods = mesh.local.periods,
+        (None, Some(domain)) => {
+            for c in (0..3).filter(|&c| domain.periodic[c]) {
+                periods.vectors[c][c] = domain.size[c];
+            }
+        }
+        (None, None) => {}
+    }
+    periods
+}
+
+/// Explicitly placed fibres must lie in the domain: the box of the case, or the bounds of its mesh.
+fn check_fibres(
+    case: &Case,
+    document: &Document,
+    mesh: Option<&SceneMesh>,
+    communicator: &Communicator,
+) -> Result<(), ProgramError> {
+    let checked = if let Some(domain) = case.domain() {
+        let high = [0, 1, 2].map(|c| domain.origin[c] + domain.size[c]);
+        validate_domain(case, document, domain.origin, high, domain.periodic)
+    } else if let Some(mesh) = mesh {
+        let periods = &mesh.local.periods;
+        let periodic = [0, 1, 2].map(|c| (0..3).any(|k| periods.vectors[k][c] != 0.0));
+        let owned = &mesh.local.nodes;
+        let low = [0, 1, 2].map(|c| {
+            let least = owned.iter().map(|x| x[c]).fold(f64::INFINITY, f64::min);
+            communicator.min(least)
+        });
+        let high = [0, 1, 2].map(|c| {
+            let most = owned.iter().map(|x| x[c]).fold(f64::NEG_INFINITY, f64::max);
+            communicator.max(most)
+        });
+        validate_domain(case, document, low, high, periodic)
+    } else {
+        Ok(())
+    };
+    agree(communicator, checked.map_err(ProgramError::from))
+}

@@ -1,0 +1,7 @@
+//! The program itself, built here so that tests can start it.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    fibreflow::start()
+}

@@ -1,0 +1,237 @@
+//! Wrong input gives one paragraph that names the place, and exit code 2.
+
+use fibreflow_tests::program::Bench;
+
+const CASE: &str = r#"[time]
+end = 0.2
+step = 0.1
+
+[mesh]
+kind = "box"
+size = [1.0, 1.0, 1.0]
+cells = [4, 4, 4]
+periodic = [true, false, true]
+
+[fluid]
+density = 1000.0
+viscosity = 0.1
+
+[fluid.boundaries]
+y_min = { kind = "wall" }
+y_max = { kind = "wall" }
+
+[[fibres]]
+placement = { kind = "line", start = [0.4, 0.5, 0.5], end = [0.6, 0.5, 0.5] }
+diameter = 0.01
+segments = 4
+youngs_modulus = 1e6
+density = 1000.0
+"#;
+
+fn bench(case: &str) -> Bench {
+    Bench::new(env!("CARGO_BIN_EXE_program"), case)
+}
+
+/// Runs the case and checks that the message names all of `wanted`.
+fn refused(bench: &Bench, arguments: &[&str], wanted: &[&str]) {
+    let ended = bench
+        .run(1, "out", arguments)
+        .expect("one rank needs no mpirun");
+    assert_eq!(ended.status.code(), Some(2), "{}", ended.text);
+    for part in wanted {
+        assert!(ended.text.contains(part), "no `{part}` in:\n{}", ended.text);
+    }
+}
+
+/// With `old` replaced by `new`, which must be there.
+fn changed(old: &str, new: &str) -> Bench {
+    assert!(CASE.contains(old));
+    bench(&CASE.replace(old, new))
+}
+
+#[test]
+fn the_case_as_it_is_runs() {
+    let ended = bench(CASE)
+        .run(1, "out", &[])
+        .expect("one rank needs no mpirun");
+    assert!(ended.status.success(), "{}", ended.text);
+}
+
+#[test]
+fn an_unknown_key() {
+    let bench = changed("viscosity = 0.1", "viscosity = 0.1\nviscocity = 0.2");
+    refused(
+        &bench,
+        &[],
+        &[
+            "fluid.viscocity",
+            "case.toml:14",
+            "did you mean `viscosity`",
+        ],
+    );
+}
+
+#[test]
+fn a_wrong_type() {
+    let bench = changed("end = 0.2", "end = \"soon\"");
+    refused(
+        &bench,
+        &[],
+        &["time.end = \"soon\"", "case.toml:2", "number"],
+    );
+}
+
+#[test]
+fn text_that_is_not_toml() {
+    let bench = changed("step = 0.1", "step = = 0.1");
+    refused(&bench, &[], &["case.toml:3"]);
+}
+
+#[test]
+fn a_negative_viscosity() {
+    let bench = changed("viscosity = 0.1", "viscosity = -0.1");
+    refused(
+        &bench,
+        &[],
+        &["fluid.viscosity = -0.1", "case.toml:13", "greater than 0"],
+    );
+    refused(
+        &self::bench(CASE),
+        &["--set", "fluid.viscosity=-2"],
+        &["--set fluid.viscosity=-2"],
+    );
+}
+
+#[test]
+fn a_missing_patch() {
+    let bench = changed("y_max = { kind = \"wall\" }\n", "");
+    refused(&bench, &[], &["lacks the patch `y_max`", "case.toml:15"]);
+}
+
+#[test]
+fn a_patch_that_is_not_there() {
+    let bench = changed("y_max = { kind", "y_mix = { kind");
+    refused(
+        &bench,
+        &[],
+        &["no patch `y_mix`", "did you mean `y_max`", "case.toml:17"],
+    );
+}
+
+#[test]
+fn a_fibre_outside_the_domain() {
+    let bench = changed("end = [0.6, 0.5, 0.5]", "end = [0.6, 1.5, 0.5]");
+    refused(
+        &bench,
+        &[],
+        &[
+            "fibres[0].placement.end",
+            "outside the domain: y = 1.5",
+            "case.toml:20",
+        ],
+    );
+}
+
+/// Two tetrahedra that share a face; the second has two vertices swapped.
+const INVERTED: &str = r#"$MeshFormat
+4.1 0 8
+$EndMeshFormat
+$PhysicalNames
+2
+2 1 "skin"
+3 2 "inside"
+$EndPhysicalNames
+$Entities
+0 0 1 1
+1 0 0 0 1 1 1 1 1 0
+1 0 0 0 1 1 1 1 2 0
+$EndEntities
+$Nodes
+1 5 1 5
+3 1 0 5
+1
+2
+3
+4
+5
+0 0 0
+1 0 0
+0 1 0
+0 0 1
+1 1 1
+$EndNodes
+$Elements
+2 8 1 8
+2 1 2 6
+1 1 3 2
+2 1 2 4
+3 1 4 3
+4 2 3 5
+5 2 5 4
+6 3 4 5
+3 1 4 2
+7 1 2 3 4
+8 3 2 4 5
+$EndElements
+"#;
+
+#[test]
+fn a_mesh_with_an_inverted_element() {
+    let start = CASE.find("kind = \"box\"").expect("mesh");
+    let end = CASE.find("[fluid]").expect("fluid");
+    let case = format!(
+        "{}kind = \"gmsh\"\nfile = \"bad.msh\"\n\n{}",
+        &CASE[..start],
+        &CASE[end..]
+    );
+    let bench = bench(&case);
+    std::fs::write(bench.path("bad.msh"), INVERTED).expect("mesh file");
+    refused(&bench, &[], &["bad.msh", "element", "inverted"]);
+}
+
+#[test]
+fn a_mesh_file_that_is_not_there() {
+    let bench = changed(
+        "kind = \"box\"\nsize = [1.0, 1.0, 1.0]\ncells = [4, 4, 4]\nperiodic = [true, false, true]",
+        "kind = \"gmsh\"\nfile = \"nowhere.msh\"",
+    );
+    refused(&bench, &[], &["nowhere.msh"]);
+}
+
+#[test]
+fn an_unreadable_checkpoint() {
+    let bench = bench(CASE);
+    let ended = bench.run(1, "out", &[]).expect("one rank needs no mpirun");
+    assert!(ended.status.success(), "{}", ended.text);
+    let folder = bench.newest_checkpoint("out");
+    std::fs::write(folder.join("rank_0000.h5"), "this is no HDF5 file").expect("written");
+    refused(
+        &bench,
+        &["--resume"],
+        &["step_00000002", "rank_0000.h5 is damaged"],
+    );
+}
+
+#[test]
+fn nothing_to_resume_from() {
+    refused(
+        &bench(CASE),
+        &["--resume"],
+        &["no checkpoint to resume from"],
+    );
+}
+
+#[test]
+fn every_rank_leaves_with_the_same_code_and_one_message() {
+    let bench = changed("viscosity = 0.1", "viscosity = -0.1");
+    let Some(ended) = bench.run(3, "out", &[]) else {
+        return;
+    };
+    assert_eq!(ended.status.code(), Some(2), "{}", ended.text);
+    assert_eq!(
+        ended.text.matches("greater than 0").count(),
+        1,
+        "{}",
+        ended.text
+    );
+}

@@ -1,0 +1,33 @@
+//! The same run on 1, 2, 3 and 4 ranks: velocity and fibre positions agree to 1e-8.
+
+use fibreflow_tests::program::Bench;
+use fibreflow_tests::state::State;
+
+const NODES: usize = 8 * 11 * 6;
+
+#[test]
+fn fibres_in_contact_in_a_channel_do_not_depend_on_the_ranks() {
+    let bench = Bench::new(
+        env!("CARGO_BIN_EXE_program"),
+        include_str!("../src/channel.toml"),
+    );
+    let run = |ranks: usize| {
+        let name = format!("ranks-{ranks}");
+        let ended = bench.run(ranks, &name, &["--steps", "40"])?;
+        assert!(ended.status.success(), "{}", ended.text);
+        Some(State::of(&bench.path(&name), NODES))
+    };
+    let one = run(1).expect("one rank needs no mpirun");
+    for ranks in [2, 3, 4] {
+        let Some(several) = run(ranks) else {
+            return;
+        };
+        let [velocity, fibres] = one.difference(&several);
+        println!("{ranks} ranks: velocity {velocity:.2e}, fibres {fibres:.2e}");
+        assert!(
+            velocity < 1e-8,
+            "{ranks} ranks: velocity differs by {velocity:e}"
+        );
+        assert!(fibres < 1e-8, "{ranks} ranks: fibres differ by {fibres:e}");
+    }
+}

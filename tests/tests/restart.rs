@@ -1,0 +1,129 @@
+//! A run that was killed goes on bit by bit on the same ranks, and to tolerance on others; a run that is told to stop
+//! leaves a checkpoint.
+
+use fibreflow_tests::program::{Bench, LIMIT};
+use fibreflow_tests::state::State;
+use std::time::{Duration, Instant};
+
+const NODES: usize = 8 * 11 * 6;
+
+fn bench() -> Bench {
+    Bench::new(
+        env!("CARGO_BIN_EXE_program"),
+        include_str!("../src/channel.toml"),
+    )
+}
+
+/// Starts a long run and kills it once it has a checkpoint; None where there is no `mpirun`.
+fn killed(bench: &Bench, ranks: usize, out: &str) -> Option<()> {
+    let job = bench.start(ranks, out, &["--steps", "100000"])?;
+    wait_for(|| has_checkpoint(bench, out), || job.text());
+    job.signal("KILL");
+    assert!(!job.wait(LIMIT).status.success());
+    if ranks > 1 {
+        // The ranks notice a moment later that their mpirun is gone.
+        std::thread::sleep(Duration::from_secs(2));
+    }
+    Some(())
+}
+
+fn has_checkpoint(bench: &Bench, out: &str) -> bool {
+    let entries = std::fs::read_dir(bench.path(out).join("checkpoint"));
+    let mut complete = entries.into_iter().flatten().filter_map(Result::ok);
+    complete.any(|e| e.path().join("index.json").exists())
+}
+
+fn wait_for(condition: impl Fn() -> bool, text: impl Fn() -> String) {
+    let start = Instant::now();
+    while !condition() {
+        assert!(start.elapsed() < LIMIT, "{}", text());
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// Runs to its end, from the start or from a checkpoint.
+fn finished(bench: &Bench, ranks: usize, out: &str, steps: u64, resume: bool) -> State {
+    let steps = steps.to_string();
+    let mut arguments = vec!["--steps", &steps];
+    if resume {
+        arguments.push("--resume");
+    }
+    let ended = bench.run(ranks, out, &arguments).expect("mpirun was there");
+    assert!(ended.status.success(), "{}", ended.text);
+    assert_eq!(
+        ended.text.contains("resumed at step"),
+        resume,
+        "{}",
+        ended.text
+    );
+    State::of(&bench.path(out), NODES)
+}
+
+fn a_killed_run_goes_on_bit_by_bit(ranks: usize) -> Option<()> {
+    let bench = bench();
+    killed(&bench, ranks, "killed")?;
+    let saved = State::of(&bench.path("killed"), NODES).snapshot.step;
+    // Not a multiple of anything, so that no schedule hides a difference.
+    let end = saved + 7;
+    let resumed = finished(&bench, ranks, "killed", end, true);
+    let straight = finished(&bench, ranks, "straight", end, false);
+    assert_eq!(resumed.snapshot.step, end);
+    let different = straight.bits_that_differ(&resumed);
+    assert!(
+        different.is_empty(),
+        "from step {saved} to {end}: {different:?}"
+    );
+
+    let series = |name: &str| {
+        let path = bench.path(name).join("series/fibres.csv");
+        std::fs::read_to_string(path).expect("series")
+    };
+    assert_eq!(
+        series("killed"),
+        series("straight"),
+        "the series has a seam"
+    );
+    Some(())
+}
+
+#[test]
+fn killed_on_one_rank() {
+    a_killed_run_goes_on_bit_by_bit(1);
+}
+
+#[test]
+fn killed_on_two_ranks() {
+    a_killed_run_goes_on_bit_by_bit(2);
+}
+
+#[test]
+fn resumed_on_other_ranks() {
+    let bench = bench();
+    let Some(()) = killed(&bench, 2, "killed") else {
+        return;
+    };
+    let saved = State::of(&bench.path("killed"), NODES).snapshot.step;
+    let straight = finished(&bench, 1, "straight", saved + 8, false);
+    let resumed = finished(&bench, 3, "killed", saved + 8, true);
+    let [velocity, fibres] = straight.difference(&resumed);
+    assert!(
+        velocity < 1e-8 && fibres < 1e-8,
+        "velocity {velocity:e}, fibres {fibres:e}"
+    );
+}
+
+#[test]
+fn a_run_that_is_told_to_stop_saves_and_ends_well() {
+    let bench = bench();
+    let job = bench
+        .start(1, "stopped", &["--steps", "100000"])
+        .expect("one rank needs no mpirun");
+    wait_for(|| has_checkpoint(&bench, "stopped"), || job.text());
+    job.signal("TERM");
+    let ended = job.wait(LIMIT);
+    assert!(ended.status.success(), "{}", ended.text);
+    let summary = bench.summary("stopped");
+    assert_eq!(summary["stopped_by"], "signal");
+    let saved = State::of(&bench.path("stopped"), NODES).snapshot.step;
+    assert_eq!(summary["steps"], saved);
+}
