@@ -228,17 +228,30 @@ impl Segment {
         }
     }
 
-    /// Bound of the squared angular frequency \[1/s²\] of this segment alone, with its share of mass (`mass`, half at
-    /// each node) and rotary inertia (transverse, axial; half at each node). The largest over all segments bounds the
+    /// Bound of the squared angular frequency \[1/s²\] of this segment with the masses \[kg\] it gives its two nodes and
+    /// the squared radii of gyration \[m²\] across and along the tangent. The largest over all segments bounds the
     /// chain's.
     ///
-    /// Axial 4 k/m, torsion 4 k/J; bending with rotary inertia is stiffest when both ends turn alike.
-    pub fn frequency_bound(&self, mass: f64, transverse: f64, axial: f64) -> f64 {
-        let shear = 12.0
-            * self.bending
-            * (1.0 / transverse + 4.0 / (mass * self.rest_length * self.rest_length));
-        (4.0 * self.axial / mass)
-            .max(4.0 * self.torsion / axial)
+    /// Stretching k(1/m_a + 1/m_b), torsion alike; bending is stiffest when both ends turn alike against the chord.
+    pub fn frequency_bound(&self, masses: [f64; 2], transverse: f64, axial: f64) -> f64 {
+        let mobility = 1.0 / masses[0] + 1.0 / masses[1];
+        let lightest = masses[0].min(masses[1]);
+        let chord = mobility / (self.rest_length * self.rest_length);
+        let shear = 12.0 * self.bending * (0.5 / (lightest * transverse) + chord);
+        (self.axial * mobility)
+            .max(self.torsion * mobility / axial)
             .max(shear)
+    }
+}
+
+/// Shares of a segment's mass that its two nodes carry: halves, but 5/12 at a fibre's end and 7/12 at the node next to
+/// it (Gregory's end correction of the trapezoidal rule), so that the moment of inertia of the fibre and the kinetic
+/// energy of its modes are right to third order.
+pub(crate) fn mass_shares(segment: usize, segments: usize) -> [f64; 2] {
+    let (first, last) = (segment == 0, segment + 1 == segments);
+    match (first, last) {
+        (true, false) => [5.0 / 12.0, 7.0 / 12.0],
+        (false, true) => [7.0 / 12.0, 5.0 / 12.0],
+        _ => [0.5, 0.5],
     }
 }

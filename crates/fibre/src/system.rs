@@ -1,6 +1,6 @@
 //! All fibres of a rank in flat arrays.
 
-use crate::beam::{Pose, Segment};
+use crate::beam::{Pose, Segment, mass_shares};
 use crate::contact::{ContactSettings, ContactSystem};
 use crate::drag::{Hydrodynamics, NodeDrag, PointDrag};
 use crate::points::{abscissa, point_count};
@@ -39,7 +39,7 @@ impl Default for FibreSettings {
 /// Constants of one node.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct NodeConstants {
-    /// Half the mass of the adjacent segments \[kg\].
+    /// Share of the mass of the adjacent segments \[kg\].
     pub mass: f64,
     /// Rotary inertia about the axes across the tangent \[kg·m²\].
     pub transverse_inertia: f64,
@@ -218,25 +218,29 @@ impl FibreSystem {
         let weight_per_mass =
             self.settings.gravity * (1.0 - self.settings.buoyant_density / material.density);
         let mut frequency = 0.0_f64;
-        for s in &segments {
-            let mass = line_density * s.rest_length;
-            frequency = frequency.max(s.frequency_bound(
-                mass,
-                mass * transverse_per_mass,
-                mass * axial_per_mass,
-            ));
+        let mut masses = vec![0.0; held.len()];
+        let mut weights = vec![Vector3::zeros(); held.len()];
+        for (i, s) in segments.iter().enumerate() {
+            let given =
+                mass_shares(i, segments.len()).map(|share| share * line_density * s.rest_length);
+            masses[i] += given[0];
+            masses[i + 1] += given[1];
+            // In halves, as uniform drag is: what settles straight stays straight.
+            let weight = weight_per_mass * (0.5 * line_density * s.rest_length);
+            weights[i] += weight;
+            weights[i + 1] += weight;
+            let bound = s.frequency_bound(given, transverse_per_mass, axial_per_mass);
+            frequency = frequency.max(bound);
         }
         let frequency = frequency.sqrt();
         let damping = 0.5 * material.retardation * frequency;
-        let half_mass = |s: Option<&Segment>| s.map_or(0.0, |s| 0.5 * line_density * s.rest_length);
         for (i, &(holds_translation, holds_rotation)) in held.iter().enumerate() {
-            let left = i.checked_sub(1).and_then(|j| segments.get(j));
-            let mass = half_mass(left) + half_mass(segments.get(i));
+            let mass = masses[i];
             self.model.nodes.push(NodeConstants {
                 mass,
                 transverse_inertia: mass * transverse_per_mass,
                 axial_inertia: mass * axial_per_mass,
-                weight: weight_per_mass * mass,
+                weight: weights[i],
                 holds_translation,
                 holds_rotation,
             });

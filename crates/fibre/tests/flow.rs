@@ -233,7 +233,7 @@ fn a_held_fibre_bends_and_stays_held() {
 
 /// A rigid spheroid of aspect ratio r keeps C = tan θ √(r² cos² φ + sin² φ)/r on its orbit (φ from the gradient
 /// direction, θ from the vorticity): a stiff fibre in space must too, up to
-/// its inertia and the step (linear in both: 1.4e-2 for ten times the density, 1.2e-1 γ̇Δt).
+/// its inertia and the step (linear in both: 1.2e-2 for ten times the density, 1.2e-1 γ̇Δt).
 #[test]
 fn a_stiff_fibre_keeps_its_orbit_in_space() {
     let (r_p, zeta) = (

@@ -158,48 +158,71 @@ fn a_tip_torque_twists_exactly() {
     );
 }
 
-/// First natural frequency from the free vibration, and the drift of the total energy over a hundred periods.
-#[test]
-fn free_vibration_has_the_right_frequency_and_keeps_its_energy() {
-    let n = 32;
-    let k: f64 = 1.875_104_068_711_961;
+/// Mode shape of a clamped-free beam; `k` is the root of cosh k cos k = −1.
+fn mode(k: f64, x: f64) -> f64 {
+    let ratio = (k.cosh() + k.cos()) / (k.sinh() + k.sin());
+    (k * x).cosh() - (k * x).cos() - ratio * ((k * x).sinh() - (k * x).sin())
+}
+
+/// Relative error of a natural frequency against Euler and Bernoulli, and the largest change of the total energy.
+fn vibrate(segments: usize, radius: f64, k: f64, periods: usize) -> (f64, f64) {
     let period = 2.0 * PI / (k * k);
-    let mut s = cantilever(n, 0.02);
-    let shape = |x: f64| {
-        let ratio = (k.cosh() + k.cos()) / (k.sinh() + k.sin());
-        (k * x).cosh() - (k * x).cos() - ratio * ((k * x).sinh() - (k * x).sin())
-    };
+    let mut s = cantilever(segments, radius);
     let amplitude = 1e-3;
-    for i in 0..=n {
-        let x = i as f64 / n as f64;
-        s.velocities_mut()[i].y = amplitude * shape(x);
+    for i in 0..=segments {
+        let x = i as f64 / segments as f64;
+        s.velocities_mut()[i].y = amplitude * mode(k, x);
         let h = 1e-5;
-        s.angular_velocities_mut()[i].z =
-            amplitude * (shape(x + h) - shape(x - h)) / (2.0 * h) * f64::from(u8::from(i > 0));
+        let slope = (mode(k, x + h) - mode(k, x - h)) / (2.0 * h);
+        s.angular_velocities_mut()[i].z = if i > 0 { amplitude * slope } else { 0.0 };
     }
     let first = s.energy().total();
-    let step = period / 200.0;
+    let step = period / 100.0;
     let mut crossings = Vec::new();
     let mut last = 0.0;
     let mut drift = 0.0_f64;
-    for i in 0..20_000 {
+    for i in 0..100 * periods {
         s.advance_free(step).expect("finite");
         let y = tip(&s).y;
         if last < 0.0 && y >= 0.0 {
-            crossings.push((f64::from(i) + last / (last - y)) * step);
+            crossings.push((i as f64 + last / (last - y)) * step);
         }
         last = y;
         drift = drift.max((s.energy().total() / first - 1.0).abs());
     }
-    let periods = crossings.len() - 1;
-    let measured = (crossings[periods] - crossings[0]) / periods as f64;
-    println!(
-        "frequency error {:.2e}, energy drift {drift:.2e}",
-        period / measured - 1.0
-    );
-    assert!(periods >= 98);
-    assert!((period / measured - 1.0).abs() < 5e-3);
-    assert!(drift < 1e-4);
+    let count = crossings.len() - 1;
+    assert!(count + 2 >= periods);
+    let measured = (crossings[count] - crossings[0]) / count as f64;
+    (period / measured - 1.0, drift)
+}
+
+const ROOTS: [f64; 3] = [
+    1.875_104_068_711_961,
+    4.694_091_132_974_175,
+    7.854_757_438_237_613,
+];
+
+#[test]
+fn free_vibration_keeps_its_energy_over_a_hundred_periods() {
+    let (error, drift) = vibrate(32, 0.02, ROOTS[0], 100);
+    println!("frequency error {error:.2e}, energy drift {drift:.2e}");
+    assert!(error.abs() < 5e-3);
+    assert!(drift < 1e-6);
+}
+
+/// L/d = 50, against the exact frequencies of Timoshenko's beam (ν = 0.3, κ = 6(1 + ν)/(7 + 6ν)), which lie this much
+/// below those of Euler and Bernoulli.
+#[test]
+fn three_modes_have_the_frequencies_of_timoshenkos_beam() {
+    for (k, slower) in ROOTS.into_iter().zip([2.2842e-4, 1.58979e-3, 3.77566e-3]) {
+        let (error, _) = vibrate(32, 0.01, k, 5);
+        println!(
+            "k = {k:.3}: {error:.2e} beside Euler, {:.1e} beside Timoshenko",
+            error + slower
+        );
+        assert!((error + slower).abs() < 1e-3);
+        assert!(k > 2.0 || (error + slower).abs() < 5e-5);
+    }
 }
 
 /// A bent fibre, stretched, twisted, spinning and flying freely.
@@ -213,7 +236,11 @@ fn free_flight_keeps_momentum_and_angular_momentum() {
         .collect();
     let mut fibre = Fibre::new(1, material(0.1), nodes);
     fibre.equilibrium = Equilibrium::Straight;
-    let mut s = system(fibre, FibreSettings::default());
+    let settings = FibreSettings {
+        step_safety: 0.35,
+        ..FibreSettings::default()
+    };
+    let mut s = system(fibre, settings);
     for (i, v) in s.velocities_mut().iter_mut().enumerate() {
         *v = Vector3::new(0.3, (i as f64).sin(), 0.2 * i as f64);
     }
@@ -229,7 +256,7 @@ fn free_flight_keeps_momentum_and_angular_momentum() {
     let dl = (s.angular_momentum() - l).norm() / l.norm();
     let de = (s.energy().total() / e - 1.0).abs();
     println!("momentum {dp:.1e}, angular momentum {dl:.1e}, energy {de:.1e}");
-    assert!(dp < 1e-12 && dl < 1e-11 && de < 2e-2);
+    assert!(dp < 1e-12 && dl < 1e-11 && de < 1e-2);
 }
 
 #[test]
@@ -293,7 +320,7 @@ fn a_curved_equilibrium_is_at_rest_and_a_straight_one_springs() {
     let mut s = system(straight, FibreSettings::default());
     assert!(s.energy().elastic.bending > 0.1);
     let step = s.critical_step();
-    relax(&mut s, 5.0 * step, 1e-22);
+    relax(&mut s, 5.0 * step, 1e-14);
     let expected = (nodes[10] - nodes[0]).norm();
     assert!((s.end_to_end(0).norm() / expected - 1.0).abs() < 1e-6);
     let mut curvature = Vec::new();
@@ -316,12 +343,12 @@ fn weight_less_buoyancy_moves_a_free_fibre() {
     let fibre = Fibre::straight(0, material(0.05), Vector3::zeros(), Vector3::x(), 4);
     let mut s = system(fibre, settings);
     s.advance_free(0.3).expect("finite");
-    for v in s.velocities() {
-        assert!((v.z + 7.5 * 0.3).abs() < 1e-11);
-    }
-    for x in s.positions() {
-        assert!((x.z + 0.5 * 7.5 * 0.09).abs() < 1e-11);
-    }
+    let mean = s.momentum() / s.mass();
+    assert!((mean + Vector3::z() * 7.5 * 0.3).norm() < 1e-11);
+    assert!((s.centre(0) - Vector3::new(0.5, 0.0, -0.5 * 7.5 * 0.09)).norm() < 1e-11);
+    // Weight is lumped in halves and mass is not: the fibre hardly notices.
+    let sag = s.positions()[2].z - s.positions()[0].z;
+    assert!(sag.abs() < 0.02, "{sag}");
 }
 
 /// Just below the critical step nothing grows, whatever mode limits it: bending and rotary inertia in short segments,
