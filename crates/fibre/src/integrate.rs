@@ -319,17 +319,17 @@ impl FibreSystem {
     /// sub-steps below the critical one.
     ///
     /// # Errors
-    /// [`FibreError::NonFinite`].
+    /// [`FibreError::NonFinite`], on the rank that holds the fibre only; [`FibreError::Contact`], on every rank.
     pub fn advance_free(&mut self, dt: f64) -> Result<(), FibreError> {
         self.run(None, dt)
     }
 
     /// Advances all fibres by `dt` \[s\] in the flow given at their points (those of [`FibreSystem::points`] now),
     /// which is held over the step. Returns the mean force and torque on the fluid at the points; times `dt` that is
-    /// to round-off what the fibres took.
+    /// to round-off what the fibres took. Collective when the settings have contacts.
     ///
     /// # Errors
-    /// [`FibreError::NonFinite`], [`FibreError::AmbientSize`], and [`FibreError::NoHydrodynamics`] when the settings
+    /// As [`FibreSystem::advance_free`], [`FibreError::AmbientSize`], and [`FibreError::NoHydrodynamics`] when the settings
     /// name no law.
     pub fn advance(&mut self, ambient: &Ambient, dt: f64) -> Result<&Reaction, FibreError> {
         let points = self.point_count();
