@@ -87,6 +87,7 @@ on_ranks() {
     fi
     # Time for a last checkpoint when the job is told to stop.
     OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 \
-        OMPI_MCA_btl_vader_eager_limit=65536 OMPI_MCA_odls_base_sigkill_timeout=60 \
+        OMPI_MCA_btl_vader_eager_limit=65536 OMPI_MCA_mpi_yield_when_idle=1 \
+        OMPI_MCA_odls_base_sigkill_timeout=60 \
         RAYON_NUM_THREADS=1 mpirun --oversubscribe -n "$ranks" "$@"
 }

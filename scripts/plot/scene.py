@@ -9,6 +9,8 @@ import pathlib
 import numpy as np
 import pyvista as pv
 
+BAR = {"vertical": True, "position_y": 0.3, "height": 0.4, "color": "black"}
+
 
 def time_values(path):
     """Reader of a collection and its times; (None, []) when the run wrote none."""
@@ -26,31 +28,26 @@ def at_time(reader, time):
 
 
 def add_fluid(plotter, fluid):
-    """Velocity magnitude on the slice across the thinnest extent, and the outline of the domain."""
+    """Speed on a slice near the back of the thinnest extent, and the outline of the domain."""
     fluid["speed [m/s]"] = np.linalg.norm(fluid["velocity"], axis=1)
     low, high = np.array(fluid.bounds).reshape(3, 2).T
     normal = np.zeros(3)
     normal[np.argmin(high - low)] = 1.0
-    # Just off the middle, where a plane would run along cell faces.
-    plane = fluid.slice(normal=normal, origin=low + 0.4999 * (high - low))
-    if plane.n_points == 0:
-        plane = fluid.extract_surface(algorithm=None)
-    plotter.add_mesh(plane, scalars="speed [m/s]", cmap="viridis", opacity=0.85, lighting=False,
-                     scalar_bar_args={"vertical": True, "position_x": 0.9, "position_y": 0.3, "height": 0.4})
-    plotter.add_mesh(fluid.outline(), color="black")
+    # Behind the fibres, and off the planes along which cells meet.
+    plane = fluid.slice(normal=normal, origin=low + 0.02001 * (high - low))
+    plotter.add_mesh(plane, scalars="speed [m/s]", cmap="Blues_r", lighting=False,
+                     scalar_bar_args={**BAR, "position_x": 0.9})
+    plotter.add_mesh(fluid.outline(), color="dimgray", line_width=2)
     return high - low
 
 
 def add_fibres(plotter, fibres, extent):
     """Fibres as tubes of their own radius, thickened where they would not be seen."""
-    radius = float(fibres["radius"].max())
-    shown = max(radius, 0.002 * float(np.linalg.norm(extent)))
+    shown = max(float(fibres["radius"].max()), 0.002 * float(np.linalg.norm(extent)))
     fibres["curvature [1/m]"] = fibres["curvature"]
-    tubes = fibres.tube(radius=shown, n_sides=10)
-    bend = np.asarray(fibres["curvature"])
-    top = float(np.percentile(bend, 99)) or 1.0
-    plotter.add_mesh(tubes, scalars="curvature [1/m]", cmap="inferno", clim=[0.0, top], smooth_shading=True,
-                     scalar_bar_args={"vertical": True, "position_x": 0.03, "position_y": 0.3, "height": 0.4})
+    top = float(np.percentile(fibres["curvature"], 97)) or 1.0
+    plotter.add_mesh(fibres.tube(radius=shown, n_sides=12), scalars="curvature [1/m]", cmap="plasma",
+                     clim=[0.0, top], smooth_shading=True, scalar_bar_args={**BAR, "position_x": 0.03})
 
 
 def draw(fluid, fibres, time, path):
@@ -64,12 +61,14 @@ def draw(fluid, fibres, time, path):
     if fibres is not None and fibres.n_points:
         add_fibres(plotter, fibres, extent)
     plotter.add_text(f"t = {time:.4g} s", font_size=12, color="black")
-    flat = extent.min() < 0.05 * extent.max()
-    if flat:
-        plotter.view_vector(np.eye(3)[np.argmin(extent)])
+    thin = int(np.argmin(extent))
+    if extent[thin] < 0.05 * extent.max():
+        plotter.view_vector(np.eye(3)[thin])
     else:
-        plotter.view_vector((0.5, 0.45, 1.0), viewup=(0.0, 1.0, 0.0))
-    plotter.camera.zoom(1.2)
+        # Towards the slice, a little from the side and from above.
+        direction = np.roll((0.35, 0.3, 1.0), thin - 2)
+        plotter.view_vector(direction, viewup=np.roll((0.0, 1.0, 0.0), thin - 2))
+    plotter.camera.zoom(1.25)
     plotter.screenshot(str(path))
     plotter.close()
 

@@ -213,6 +213,15 @@ fn an_unreadable_checkpoint() {
 }
 
 #[test]
+fn a_checkpoint_of_another_mesh() {
+    let bench = bench(CASE);
+    let ended = bench.run(1, "out", &[]).expect("one rank needs no mpirun");
+    assert!(ended.status.success(), "{}", ended.text);
+    let other = ["--resume", "--set", "mesh.size=[1.0, 1.0, 1.1]"];
+    refused(&bench, &other, &["step 2", "another mesh"]);
+}
+
+#[test]
 fn nothing_to_resume_from() {
     refused(
         &bench(CASE),

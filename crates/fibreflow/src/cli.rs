@@ -36,7 +36,7 @@ pub struct RunArguments {
     /// Folder for the output [default: runs/NAME, with NAME from the folder of the case file].
     #[arg(long)]
     pub out: Option<PathBuf>,
-    /// Stop after so many steps.
+    /// Stop when so many steps are done, counted from the start of the case.
     #[arg(long)]
     pub steps: Option<u64>,
     /// Change a key of the case, as in `fluid.viscosity=1e-3` or `fibres.0.placement.count=10`.

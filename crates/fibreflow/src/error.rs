@@ -47,7 +47,7 @@ impl ProgramError {
 
 impl From<Box<CaseError>> for ProgramError {
     fn from(error: Box<CaseError>) -> Self {
-        Self::input(error.render().trim_end())
+        Self::input(error.render().trim().trim_start_matches("× "))
     }
 }
 

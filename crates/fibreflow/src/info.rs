@@ -20,6 +20,7 @@ pub fn info(path: &Path) -> Result<(), ProgramError> {
         _ if path.join("summary.json").exists() => read(&path.join("summary.json"))?,
         _ if path.join("index.json").exists() => read(&path.join("index.json"))?,
         _ if path.join("checkpoint").is_dir() => about_checkpoints(&path.join("checkpoint"))?,
+        _ if path.ends_with("checkpoint") && path.is_dir() => about_checkpoints(path)?,
         _ => {
             return Err(ProgramError::input(format!(
                 "{} is none of: case file (.toml), mesh (.msh), summary or manifest (.json), run folder, checkpoint folder",

@@ -108,6 +108,9 @@ impl Run {
             && let Some(dt) = clock.advance(scene.flow.suggest_step(&self.case.time))
         {
             *figures = Figures::before(scene, dt);
+            if clock.step.is_multiple_of(SETTLE) {
+                scene.settle()?;
+            }
             let times = &mut totals.timings;
             if let Some(fibres) = &mut scene.fibres {
                 // u, ∇u at every hydrodynamic point: the adjoint of spread.
@@ -125,9 +128,6 @@ impl Run {
             // Convect, diffuse, project.
             if let Some(report) = timed(&mut times.fluid, || scene.flow.advance(dt))? {
                 figures.fluid(&report);
-            }
-            if clock.step.is_multiple_of(SETTLE) {
-                scene.settle()?;
             }
             figures.after(scene);
             totals.add(figures);

@@ -9,6 +9,8 @@ use fibreflow_fluid::FluidState;
 
 const TIME: &str = "run.time";
 const DT: &str = "run.dt";
+/// Upper and lower half of the checksum of the mesh; numbers of 32 bits are exact in a float.
+const MESH: [&str; 2] = ["run.mesh_high", "run.mesh_low"];
 
 /// Everything a resumed run needs.
 pub fn snapshot(scene: &Scene, clock: &Clock) -> Snapshot {
@@ -17,6 +19,9 @@ pub fn snapshot(scene: &Scene, clock: &Clock) -> Snapshot {
         scalars: vec![(TIME.into(), clock.time), (DT.into(), clock.dt)],
         ..Snapshot::default()
     };
+    let halves = mesh_halves(scene);
+    let named = MESH.iter().map(|n| (*n).to_owned()).zip(halves);
+    snapshot.scalars.extend(named);
     if let Some(fluid) = scene.flow.fluid() {
         let state = fluid.state();
         let (mesh, geometry) = (fluid.mesh(), fluid.geometry());
@@ -56,12 +61,18 @@ pub fn restore(
         let found = snapshot.scalars.iter().find(|(n, _)| n == name);
         found.map(|(_, v)| *v)
     };
-    let (Some(time), Some(dt)) = (scalar(TIME), scalar(DT)) else {
-        return Err(ProgramError::input(CheckpointError::Foreign {
-            path: "checkpoint".into(),
-            reason: "it holds no time".into(),
-        }));
+    let foreign = |reason: &str| {
+        ProgramError::input(CheckpointError::Foreign {
+            path: format!("of step {}", snapshot.step),
+            reason: reason.to_owned(),
+        })
     };
+    let (Some(time), Some(dt)) = (scalar(TIME), scalar(DT)) else {
+        return Err(foreign("it holds no time"));
+    };
+    if MESH.map(scalar) != mesh_halves(scene).map(Some) {
+        return Err(foreign("it was made on another mesh"));
+    }
     (clock.step, clock.time, clock.dt) = (snapshot.step, time, dt);
     if let Flow::Solved(solved) = &mut scene.flow {
         let state = FluidState {
@@ -91,4 +102,9 @@ pub fn restore(
         fibres.restore(state).map_err(ProgramError::input)?;
     }
     Ok(())
+}
+
+fn mesh_halves(scene: &Scene) -> [f64; 2] {
+    let checksum = scene.mesh_checksum.unwrap_or(0);
+    [(checksum >> 32) as u32, checksum as u32].map(f64::from)
 }
