@@ -42,6 +42,8 @@ pub struct Observers {
     signal: Arc<AtomicBool>,
     last_checkpoint: Option<u64>,
     resumed: bool,
+    /// A step has been done.
+    moved: bool,
 }
 
 impl Observers {
@@ -74,6 +76,7 @@ impl Observers {
             signal,
             last_checkpoint: None,
             resumed,
+            moved: false,
         })
     }
 
@@ -106,13 +109,16 @@ impl Observers {
         figures: &Figures,
         log: &mut Log,
     ) -> Result<Stop, ProgramError> {
+        self.moved = true;
         if clock.is_due(&self.output.series) {
             self.series.write(scene, clock, figures)?;
         }
         if clock.is_due(&self.output.vtk) {
             self.vtk.write(scene, clock)?;
         }
-        self.progress.show(clock, figures, log);
+        if self.progress.show(clock, figures, log) {
+            self.series.flush()?;
+        }
         let stop = self.stop(scene, log);
         if clock.is_due(&self.output.checkpoint) || stop != Stop::GoOn {
             self.save(scene, clock, log)?;
@@ -132,14 +138,17 @@ impl Observers {
         log: &mut Log,
     ) -> Result<(), ProgramError> {
         self.progress.last(clock, figures, log);
-        if clock.step > 0 && !clock.is_due(&self.output.series) {
+        if self.moved && !clock.is_due(&self.output.series) {
             self.series.write(scene, clock, figures)?;
         }
         self.series.flush()?;
-        if clock.step > 0 && !clock.is_due(&self.output.vtk) {
+        if self.moved && !clock.is_due(&self.output.vtk) {
             self.vtk.write(scene, clock)?;
         }
-        self.save(scene, clock, log)
+        if self.moved {
+            self.save(scene, clock, log)?;
+        }
+        Ok(())
     }
 
     fn save(&mut self, scene: &Scene, clock: &Clock, log: &mut Log) -> Result<(), ProgramError> {

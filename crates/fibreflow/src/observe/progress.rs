@@ -35,11 +35,13 @@ impl Progress {
         ));
     }
 
-    /// A line, if the last one is some time ago.
-    pub fn show(&mut self, clock: &Clock, figures: &Figures, log: &mut Log) {
-        if log.elapsed() - self.shown >= PAUSE {
+    /// A line, if the last one is some time ago; true when it was shown.
+    pub fn show(&mut self, clock: &Clock, figures: &Figures, log: &mut Log) -> bool {
+        let due = log.elapsed() - self.shown >= PAUSE;
+        if due {
             self.line(clock, figures, log);
         }
+        due
     }
 
     /// The line of the last step.

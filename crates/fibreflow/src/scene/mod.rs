@@ -86,8 +86,8 @@ impl Scene {
     /// Fibres at positions that are not finite.
     pub fn settle(&mut self) -> Result<(), ProgramError> {
         match &mut self.fibres {
-            Some(fibres) => self.flow.settle(fibres),
-            None => Ok(()),
+            Some(fibres) if self.communicator.size() > 1 => self.flow.settle(fibres),
+            _ => Ok(()),
         }
     }
 }
