@@ -129,6 +129,23 @@ impl Fluid {
         }
     }
 
+    /// Δt max (½ Σ_j |F_ij| + ν Σ_j w_ij)/V_i: what a step carries and diffuses, in cells. Collective.
+    pub(crate) fn transport_number(&self, dt: f64) -> f64 {
+        let (geometry, nu) = (
+            &self.operators.geometry,
+            self.settings.kinematic_viscosity(),
+        );
+        let rate = |i: usize| {
+            let range = geometry.row(i);
+            let pairs = geometry.faces[range.clone()]
+                .iter()
+                .zip(&self.flux_previous[range]);
+            let sum: f64 = pairs.map(|(s, f)| 0.5 * f.abs() + nu * s[3]).sum();
+            sum / geometry.volumes[i]
+        };
+        dt * self.largest(rate).max(0.0)
+    }
+
     fn largest(&self, value: impl Fn(usize) -> f64 + Sync + Send) -> f64 {
         let owned = self.mesh.owned();
         let local = block_max(owned, |mut range| {

@@ -43,6 +43,10 @@ pub struct Fluid {
     pub(crate) steps: u64,
 }
 
+/// Cleaning cycles of the initial velocity and pressure. Without, time steps have to do it, and this transient hides
+/// the order in Δt: started from the compact projection, a tenth of inviscid energy loss did not depend on Δt.
+pub(crate) const START_CYCLES: usize = 30;
+
 /// What a step cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StepReport {
@@ -105,6 +109,18 @@ impl Fluid {
             let [x, y, z] = velocity(x);
             *u = [x, y, z, 0.0];
         }
+        self.impose_boundary();
+        self.restart_history();
+        self.check_finite()?;
+        self.project(0.0)?;
+        (0..START_CYCLES).for_each(|_| self.clean());
+        self.project(0.0)?;
+        self.flux_previous.copy_from_slice(&self.flux);
+        self.check_finite()
+    }
+
+    /// Takes out what constraints forbid and puts the given velocities in.
+    pub(crate) fn impose_boundary(&mut self) {
         for constraint in &self.boundary.constraints {
             let u = &mut self.velocity[constraint.node as usize];
             *u = constraint.admit(*u);
@@ -112,11 +128,6 @@ impl Fluid {
         for &(i, [x, y, z]) in &self.boundary.given {
             self.velocity[i as usize] = [x, y, z, 0.0];
         }
-        self.restart_history();
-        self.check_finite()?;
-        self.project(0.0)?;
-        self.flux_previous.copy_from_slice(&self.flux);
-        self.check_finite()
     }
 
     /// Pressure and history as before the first step.

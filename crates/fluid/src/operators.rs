@@ -174,22 +174,40 @@ impl Operators {
         sum
     }
 
-    /// Pair fluxes ½(u_i + u_j)·S_ij; `out_i` = (Σ_j F_ij, Σ_j |F_ij|).
-    pub fn interpolate_flux(&self, u: &mut [[f64; 4]], flux: &mut [f64], out: &mut [[f64; 2]]) {
+    /// Pair fluxes ½(u_i + u_j)·S_ij − w_ij (q_j − q_i) of a velocity and a valid scalar q;
+    /// `out_i` = (Σ_j F_ij, Σ_j |F_ij|).
+    pub fn interpolate_flux(
+        &self,
+        u: &mut [[f64; 4]],
+        q: &[f64],
+        flux: &mut [f64],
+        out: &mut [[f64; 2]],
+    ) {
         let geometry = &*self.geometry;
         self.sweep_entries(u, flux, out, |u, i, flux, out| {
             let range = geometry.row(i);
             let (columns, faces) = (&geometry.columns[range.clone()], &geometry.faces[range]);
-            let own = u[i];
+            let (own, level) = (u[i], q[i]);
             *out = [0.0; 2];
             for ((flux, &j), s) in flux.iter_mut().zip(columns).zip(faces) {
-                let other = u[j as usize];
-                let x = (own[0] + other[0]) * s[0];
-                let y = (own[1] + other[1]) * s[1];
-                let z = (own[2] + other[2]) * s[2];
-                *flux = 0.5 * (x + y + z);
+                *flux = pair_flux(own, u[j as usize], level, q[j as usize], s);
                 out[0] += *flux;
                 out[1] += flux.abs();
+            }
+        });
+    }
+
+    /// Σ_j F_ij of the fluxes of [`Operators::interpolate_flux`] \[m³/s\].
+    pub fn divergence(&self, u: &mut [[f64; 4]], q: &[f64], out: &mut [f64]) {
+        let geometry = &*self.geometry;
+        let mut nothing = vec![(); out.len()];
+        self.sweep(u, (out, &mut nothing), |u, i, out, ()| {
+            let range = geometry.row(i);
+            let entries = geometry.columns[range.clone()].iter();
+            let (own, level) = (u[i], q[i]);
+            *out = 0.0;
+            for (&j, s) in entries.zip(&geometry.faces[range]) {
+                *out += pair_flux(own, u[j as usize], level, q[j as usize], s);
             }
         });
     }
@@ -218,4 +236,13 @@ impl Operators {
     pub fn flux_sum(&self, flux: &[f64], i: usize) -> f64 {
         flux[self.geometry.row(i)].iter().sum()
     }
+}
+
+/// ½(u_i + u_j)·S_ij − w_ij (q_j − q_i), antisymmetric bitwise.
+#[inline(always)]
+fn pair_flux(u: [f64; 4], v: [f64; 4], q: f64, r: f64, s: &[f64; 4]) -> f64 {
+    let x = (u[0] + v[0]) * s[0];
+    let y = (u[1] + v[1]) * s[1];
+    let z = (u[2] + v[2]) * s[2];
+    0.5 * (x + y + z) - s[3] * (r - q)
 }

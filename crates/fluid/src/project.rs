@@ -1,9 +1,22 @@
 //! Second half of a step: solenoidal fluxes by one compact Poisson equation for the pressure increment.
 //!
-//! F* = ½(u_i* + u_j*)·S_ij,  Σ_j w_ij (ψ_j − ψ_i) = Σ_j F*_ij + F_b,  ψ = Δt (p^(n+½) − p^(n−½)),
+//! F* = ½(u_i* + u_j*)·S_ij − w_ij (q_j − q_i),  Σ_j w_ij (ψ_j − ψ_i) = Σ_j F*_ij + F_b,  ψ = Δt (p^(n+½) − p^(n−½)),
 //! F = F* − w (ψ_j − ψ_i),  u = u* − P G ψ.
+//!
+//! The projection is approximate: D u keeps (L − DG)ψ. Left alone, that residue runs as slow waves between the velocity
+//! and short-wave pressure (frequency √g a step and damping g/2, for the eigenvalue g of L⁻¹DG). So
+//! `cleaning_cycles` applications M⁻¹ of the preconditioner to the rest r of the nodal divergence follow,
+//! u −= P G M⁻¹ r and p += M⁻¹ r/Δt, each for a tenth of the cost of a solve: two of them halve the loss of inviscid
+//! energy and lift its order in Δt on tetrahedra from 1.9 to 2.2 (16³, Courant numbers 0.5 to 0.125, ε = 0).
+//!
+//! Boundary velocities may have a part of D u that no nodal velocity can balance (the corners of a driven cavity), which
+//! would add the same chequerboard to the pressure in every step. A little of the mismatch between the two gradients of
+//! the old pressure is therefore left in the fluxes (after Rhie & Chow 1983): F* gets τ [½(Gp_i + Gp_j)·S_ij −
+//! w_ij (p_j − p_i)], zero for linear pressure on every mesh, with τ = ε Δt and ε at most 0.015 and of first order in Δt.
+//! A cavity then comes to a steady state with bounded pressure, which it does not at ε = 0.
 
 use crate::boundary::{Boundary, Through};
+use crate::fluid::START_CYCLES;
 use crate::predict::SubStep;
 use crate::{Fluid, FluidError, PressurePreconditioner, rows};
 use fibreflow_mesh::{DualGeometry, LocalMesh};
@@ -12,6 +25,9 @@ use fibreflow_solve::{
     Amg, AmgSettings, CgSettings, ConjugateGradients, Jacobi, NullSpace, PairMatrix,
     Preconditioner, SolveError, SolveReport,
 };
+
+/// Largest ε.
+const MISMATCH_SHARE: f64 = 0.015;
 
 /// What the pressure equation needs besides the flow.
 pub(crate) struct Pressure {
@@ -26,6 +42,9 @@ pub(crate) struct Pressure {
     /// Owned: (Σ F*, Σ |F*|), then V G ψ in the second half.
     sums: Vec<[f64; 2]>,
     gradient: Vec<[f64; 4]>,
+    /// Total: τ p, and owned: τ G p \[m²/s, m/s\].
+    q: Vec<f64>,
+    bias: Vec<[f64; 4]>,
     /// Owned: ψ/Δt² of the last step and of the one before, for the initial guess.
     pub(crate) rates: [Vec<f64>; 2],
 }
@@ -63,6 +82,8 @@ impl Pressure {
             rhs: owned.clone(),
             sums: vec![[0.0; 2]; mesh.owned()],
             gradient: vec![[0.0; 4]; mesh.owned()],
+            q: vec![0.0; mesh.total()],
+            bias: vec![[0.0; 4]; mesh.owned()],
             rates: [owned.clone(), owned],
         })
     }
@@ -107,6 +128,7 @@ impl Fluid {
     /// A pressure solve that fails.
     pub fn project(&mut self, dt: f64) -> Result<SolveReport, FluidError> {
         std::mem::swap(&mut self.flux, &mut self.flux_previous);
+        self.add_mismatch(dt);
         let settings = self.predicted_divergence();
         self.poisson.guess(dt);
         let solve = self.poisson.solve(&settings);
@@ -114,20 +136,49 @@ impl Fluid {
         self.correct();
         if dt > 0.0 {
             self.poisson.remember(dt);
-            let (inverse, psi) = (1.0 / dt, &self.poisson.psi);
-            rows::each(&mut self.pressure, |i, p| *p += inverse * psi[i]);
+            Self::raise(&self.poisson.psi, dt, &mut self.pressure);
+            for _ in 0..self.settings.cleaning_cycles {
+                self.clean();
+                Self::raise(&self.poisson.psi, dt, &mut self.pressure);
+            }
             self.last_dt = dt;
             self.steps += 1;
         }
+        self.remove_mismatch();
         self.mesh.halo.update(&mut self.velocity);
         Ok(report)
     }
 
+    /// q = τ p and τ G p, τ = ε Δt, ε = ε₀ min(1, Δt max (½ Σ|F| + ν Σ w)/V); the latter is added to the velocity.
+    fn add_mismatch(&mut self, dt: f64) {
+        let tau = dt * MISMATCH_SHARE * self.transport_number(dt).min(1.0);
+        let Pressure { q, bias, .. } = &mut self.poisson;
+        let (pressure, volumes) = (&mut self.pressure, self.operators.volumes());
+        rows::each(q, |i, q| *q = tau * pressure[i]);
+        self.operators.gradient(pressure, bias);
+        rows::each_pair(&mut self.velocity[..volumes.len()], bias, |i, u, bias| {
+            let scale = tau / volumes[i];
+            for c in 0..3 {
+                bias[c] *= scale;
+                u[c] += bias[c];
+            }
+        });
+    }
+
+    /// Takes τ G p out of the velocity again.
+    fn remove_mismatch(&mut self) {
+        let bias = &self.poisson.bias;
+        rows::each(&mut self.velocity[..bias.len()], |i, u| {
+            (0..3).for_each(|c| u[c] -= bias[i][c]);
+        });
+        self.impose_boundary();
+    }
+
     /// F* into `flux`, −(Σ F* + F_b) into the right-hand side; the tolerance that goes with it.
     fn predicted_divergence(&mut self) -> CgSettings {
-        let Pressure { sums, .. } = &mut self.poisson;
+        let Pressure { sums, q, .. } = &mut self.poisson;
         self.operators
-            .interpolate_flux(&mut self.velocity, &mut self.flux, sums);
+            .interpolate_flux(&mut self.velocity, q, &mut self.flux, sums);
         self.right_hand_side(1.0)
     }
 
@@ -135,12 +186,8 @@ impl Fluid {
     fn right_hand_side(&mut self, given: f64) -> CgSettings {
         let Pressure { sums, rhs, .. } = &mut self.poisson;
         rows::each(rhs, |i, rhs| *rhs = -sums[i][0]);
-        for &(i, through) in &self.boundary.through {
-            match through {
-                Through::Given(flux) => rhs[i as usize] -= given * flux,
-                Through::Open => rhs[i as usize] = 0.0,
-            }
-        }
+        self.close(given);
+        let sums = &self.poisson.sums;
         let [square] = block_sums(sums.len(), |range| {
             [sums[range].iter().map(|s| s[1] * s[1]).sum()]
         });
@@ -152,14 +199,49 @@ impl Fluid {
         }
     }
 
-    /// F = F* − w (ψ_j − ψ_i), u = u* − P G ψ; the rest of G ψ acts on the boundary.
+    /// Velocity by one preconditioner cycle on what is left of the nodal divergence; ψ is what it took.
+    pub(crate) fn clean(&mut self) {
+        let Pressure { rhs, q, .. } = &mut self.poisson;
+        self.operators.divergence(&mut self.velocity, q, rhs);
+        rows::each(rhs, |_, rhs| *rhs = -*rhs);
+        self.close(1.0);
+        let Pressure {
+            preconditioner,
+            rhs,
+            psi,
+            gradient,
+            ..
+        } = &mut self.poisson;
+        preconditioner.apply(rhs, &mut psi[..rhs.len()]);
+        self.operators.gradient(psi, gradient);
+        self.subtract_gradient();
+    }
+
+    /// `field` += ψ/Δt, for pressures of total length; ψ is valid.
+    fn raise(psi: &[f64], dt: f64, field: &mut [f64]) {
+        let inverse = 1.0 / dt;
+        rows::each(field, |i, p| *p += inverse * psi[i]);
+    }
+
+    /// Boundary fluxes into the right-hand side; outlets close themselves.
+    fn close(&mut self, given: f64) {
+        for &(i, through) in &self.boundary.through {
+            let rhs = &mut self.poisson.rhs[i as usize];
+            match through {
+                Through::Given(flux) => *rhs -= given * flux,
+                Through::Open => *rhs = 0.0,
+            }
+        }
+    }
+
+    /// F = F* − w (ψ_j − ψ_i), u = u* − P G ψ.
     fn correct(&mut self) {
         let Pressure { psi, gradient, .. } = &mut self.poisson;
         self.operators.correct(psi, &mut self.flux, gradient);
         self.subtract_gradient();
     }
 
-    /// u −= P G ψ from V G ψ.
+    /// u −= P G ψ from V G ψ; the rest of it acts on the boundary.
     fn subtract_gradient(&mut self) {
         let volumes = self.operators.volumes();
         let gradient = &mut self.poisson.gradient;
@@ -176,25 +258,35 @@ impl Fluid {
         });
     }
 
-    /// The pressure that keeps the initial fluxes solenoidal; without it the first step would be of first order.
-    /// Convecting flux as extrapolated for the step.
+    /// The pressure that keeps the initial velocity and fluxes solenoidal; without it the first step would be of first
+    /// order. Convecting flux as extrapolated for the step.
     pub(crate) fn start_pressure(&mut self) -> Result<(), FluidError> {
         self.pressure.fill(0.0);
         for &(i, pressure) in &self.boundary.outlets {
             self.pressure[i as usize] = pressure / self.settings.density;
         }
-        self.acceleration();
+        let settings = self.acceleration();
         self.poisson.psi.fill(0.0);
-        let settings = self.settings.pressure;
         let solve = self.poisson.solve(&settings);
         solve.map_err(|source| self.solve_failed("pressure", source))?;
-        let psi = &self.poisson.psi;
-        rows::each(&mut self.pressure, |i, p| *p += psi[i]);
+        Self::raise(&self.poisson.psi, 1.0, &mut self.pressure);
+        for _ in 0..START_CYCLES {
+            self.acceleration();
+            let Pressure {
+                preconditioner,
+                rhs,
+                psi,
+                ..
+            } = &mut self.poisson;
+            preconditioner.apply(rhs, &mut psi[..rhs.len()]);
+            self.mesh.halo.update(psi);
+            Self::raise(&self.poisson.psi, 1.0, &mut self.pressure);
+        }
         Ok(())
     }
 
     /// Minus the divergence of the acceleration into the right-hand side.
-    fn acceleration(&mut self) {
+    fn acceleration(&mut self) -> CgSettings {
         self.gather_sources();
         self.explicit(&SubStep::RATE, 1.0);
         let (rhs, volumes) = (&self.momentum.rhs, self.operators.volumes());
@@ -203,10 +295,12 @@ impl Fluid {
             *rate = rhs[i].map(|r| r / volumes[i]);
         });
         // `flux_previous` equals `flux` before the first step: it serves as scratch.
-        let sums = &mut self.poisson.sums;
+        // No mismatch in the rate.
+        let Pressure { sums, psi, .. } = &mut self.poisson;
+        psi.fill(0.0);
         self.operators
-            .interpolate_flux(rate, &mut self.flux_previous, sums);
+            .interpolate_flux(rate, psi, &mut self.flux_previous, sums);
         self.flux_previous.copy_from_slice(&self.flux);
-        self.right_hand_side(0.0);
+        self.right_hand_side(0.0)
     }
 }

@@ -20,6 +20,9 @@ pub struct FluidSettings {
     pub pressure: CgSettings,
     /// Preconditioner of the pressure solve.
     pub preconditioner: PressurePreconditioner,
+    /// Preconditioner cycles a step that clean the nodal velocity of the divergence which the approximate projection
+    /// leaves there.
+    pub cleaning_cycles: usize,
 }
 
 /// Preconditioner of the pressure solve.
@@ -48,6 +51,7 @@ impl FluidSettings {
             momentum: solver,
             pressure: solver,
             preconditioner: PressurePreconditioner::default(),
+            cleaning_cycles: 2,
         }
     }
 

@@ -99,11 +99,14 @@ fn lid_driven_cavity_settles() {
             }
         });
         let mut before = 0.0;
-        for step in 0..400 {
+        let pressure_range = |fluid: &Fluid| fluid.pressure().iter().copied().fold(0.0, f64::max);
+        let mut pressure = 0.0;
+        for step in 0..1500 {
             let dt = fluid.suggest_dt(0.8, 0.05);
             fluid.advance(dt).expect("step");
-            if step == 380 {
+            if step == 1300 {
                 before = fluid.kinetic_energy();
+                pressure = pressure_range(&fluid);
             }
         }
         let nodes = &fluid.mesh().nodes;
@@ -118,7 +121,11 @@ fn lid_driven_cavity_settles() {
             0.03
         };
         assert!((lowest + 0.214).abs() < tolerance, "{lowest}");
-        assert!((energy - before).abs() < 1e-3 * energy);
+        assert!((energy - before).abs() < 0.1 * tolerance * energy);
+        // The corners feed a chequerboard that the velocity does not feel: it must saturate.
+        let grown = pressure_range(&fluid) / pressure - 1.0;
+        println!("highest pressure {pressure:.2}, grown {grown:.1e}");
+        assert!(grown < 0.05, "{grown}");
     }
 }
 
