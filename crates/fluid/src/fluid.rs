@@ -43,8 +43,8 @@ pub struct Fluid {
     pub(crate) steps: u64,
 }
 
-/// Cleaning cycles of the initial velocity and pressure. Without, time steps have to do it, and this transient hides
-/// the order in Δt: started from the compact projection, a tenth of inviscid energy loss did not depend on Δt.
+/// Cleaning cycles of the initial velocity and pressure. Without, time steps have to do it: a part of the inviscid
+/// energy loss that does not depend on Δt.
 pub(crate) const START_CYCLES: usize = 30;
 
 /// What a step cost.

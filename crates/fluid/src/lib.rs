@@ -7,6 +7,7 @@ mod error;
 mod fluid;
 pub mod initial;
 mod operators;
+mod polynomial;
 mod predict;
 mod project;
 mod rows;

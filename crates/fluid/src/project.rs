@@ -5,9 +5,10 @@
 //!
 //! The projection is approximate: D u keeps (L − DG)ψ. Left alone, that residue runs as slow waves between the velocity
 //! and short-wave pressure (frequency √g a step and damping g/2, for the eigenvalue g of L⁻¹DG). So
-//! `cleaning_cycles` applications M⁻¹ of the preconditioner to the rest r of the nodal divergence follow,
-//! u −= P G M⁻¹ r and p += M⁻¹ r/Δt, each for a tenth of the cost of a solve: two of them halve the loss of inviscid
-//! energy and lift its order in Δt on tetrahedra from 1.9 to 2.2 (16³, Courant numbers 0.5 to 0.125, ε = 0).
+//! `cleaning_cycles` short-wave inverses M⁻¹ of the rest r of the nodal divergence follow, u −= P G M⁻¹ r and
+//! p += M⁻¹ r/Δt: two of them halve the loss of inviscid energy and lift its order in Δt on tetrahedra from 1.9 to 2.2
+//! (16³, Courant numbers 0.5 to 0.125, ε = 0). M⁻¹ is a polynomial, not the preconditioner: what goes into the solution
+//! must not depend on the number of ranks.
 //!
 //! Boundary velocities may have a part of D u that no nodal velocity can balance (the corners of a driven cavity), which
 //! would add the same chequerboard to the pressure in every step. A little of the mismatch between the two gradients of
@@ -17,6 +18,7 @@
 
 use crate::boundary::{Boundary, Through};
 use crate::fluid::START_CYCLES;
+use crate::polynomial::Polynomial;
 use crate::predict::SubStep;
 use crate::{Fluid, FluidError, PressurePreconditioner, rows};
 use fibreflow_mesh::{DualGeometry, LocalMesh};
@@ -34,6 +36,7 @@ pub(crate) struct Pressure {
     matrix: PairMatrix,
     preconditioner: Box<dyn Preconditioner<f64> + Send + Sync>,
     krylov: ConjugateGradients<f64>,
+    polynomial: Polynomial,
     null_space: NullSpace,
     /// Total: ψ \[m²/s\].
     psi: Vec<f64>,
@@ -75,6 +78,7 @@ impl Pressure {
                 }
                 PressurePreconditioner::Jacobi => Box::new(Jacobi::new(&matrix)),
             },
+            polynomial: Polynomial::new(&matrix, geometry),
             matrix,
             krylov: ConjugateGradients::new(),
             null_space,
@@ -199,20 +203,21 @@ impl Fluid {
         }
     }
 
-    /// Velocity by one preconditioner cycle on what is left of the nodal divergence; ψ is what it took.
+    /// Velocity by one short-wave inverse of what is left of the nodal divergence; ψ is what it took.
     pub(crate) fn clean(&mut self) {
         let Pressure { rhs, q, .. } = &mut self.poisson;
         self.operators.divergence(&mut self.velocity, q, rhs);
         rows::each(rhs, |_, rhs| *rhs = -*rhs);
         self.close(1.0);
         let Pressure {
-            preconditioner,
+            matrix,
+            polynomial,
             rhs,
             psi,
             gradient,
             ..
         } = &mut self.poisson;
-        preconditioner.apply(rhs, &mut psi[..rhs.len()]);
+        polynomial.apply(matrix, rhs, psi);
         self.operators.gradient(psi, gradient);
         self.subtract_gradient();
     }
@@ -273,12 +278,13 @@ impl Fluid {
         for _ in 0..START_CYCLES {
             self.acceleration();
             let Pressure {
-                preconditioner,
+                matrix,
+                polynomial,
                 rhs,
                 psi,
                 ..
             } = &mut self.poisson;
-            preconditioner.apply(rhs, &mut psi[..rhs.len()]);
+            polynomial.apply(matrix, rhs, psi);
             self.mesh.halo.update(psi);
             Self::raise(&self.poisson.psi, 1.0, &mut self.pressure);
         }

@@ -20,7 +20,7 @@ pub struct FluidSettings {
     pub pressure: CgSettings,
     /// Preconditioner of the pressure solve.
     pub preconditioner: PressurePreconditioner,
-    /// Preconditioner cycles a step that clean the nodal velocity of the divergence which the approximate projection
+    /// Short-wave corrections a step that clean the nodal velocity of the divergence which the approximate projection
     /// leaves there.
     pub cleaning_cycles: usize,
 }
