@@ -6,7 +6,7 @@ use crate::cli::RunArguments;
 use crate::clock::Clock;
 use crate::error::{ProgramError, agree};
 use crate::figures::{Figures, Totals, timed};
-use crate::observe::{Observers, Stop, restore};
+use crate::observe::{Observers, Stop, restore, watch_signals};
 use crate::output::log::Log;
 use crate::output::manifest::Manifest;
 use crate::scene::Scene;
@@ -40,6 +40,7 @@ pub struct Run {
 /// # Errors
 /// Bad input or files that cannot be written; every rank fails then.
 pub fn prepare(arguments: &RunArguments, communicator: &Communicator) -> Result<Run, ProgramError> {
+    let signal = agree(communicator, watch_signals())?;
     let loaded = case::load(&arguments.case, &arguments.overrides).map_err(ProgramError::from);
     let (case, document) = agree(communicator, loaded)?;
     let case_folder = arguments.case.parent().unwrap_or(Path::new("."));
@@ -73,7 +74,7 @@ pub fn prepare(arguments: &RunArguments, communicator: &Communicator) -> Result<
         provenance(&case, &manifest, &folder, communicator),
     )?;
     describe::describe(&scene, &case, &mut log);
-    let observers = Observers::new(&case, &folder, &scene, &clock, resumed);
+    let observers = Observers::new(&case, &folder, &scene, &clock, resumed, signal);
     Ok(Run {
         observers: agree(communicator, observers)?,
         case,

@@ -32,6 +32,22 @@ pub enum Stop {
     WallTime,
 }
 
+/// From now on SIGTERM, SIGINT and SIGUSR1 set the flag that is returned; a second SIGINT ends the program at once.
+///
+/// # Errors
+/// A system that does not let signals be watched.
+pub fn watch_signals() -> Result<Arc<AtomicBool>, ProgramError> {
+    use signal_hook::consts::{SIGINT, SIGTERM, SIGUSR1};
+    let flag = Arc::new(AtomicBool::new(false));
+    let failed = |e| ProgramError::failed(format!("signals cannot be watched: {e}"));
+    let again = signal_hook::flag::register_conditional_shutdown(SIGINT, 130, flag.clone());
+    again.map_err(failed)?;
+    for number in [SIGTERM, SIGINT, SIGUSR1] {
+        signal_hook::flag::register(number, flag.clone()).map_err(failed)?;
+    }
+    Ok(flag)
+}
+
 /// All observers of a run.
 pub struct Observers {
     output: Output,
@@ -47,7 +63,7 @@ pub struct Observers {
 }
 
 impl Observers {
-    /// Opens the files of a run in `folder`; a run resumed at `clock` keeps what is there up to then. Collective.
+    /// Opens the files of a run in `folder`, to be stopped by `signal`; a run resumed at `clock` keeps what is there up to then. Collective.
     ///
     /// # Errors
     /// Files that cannot be written.
@@ -57,16 +73,8 @@ impl Observers {
         scene: &Scene,
         clock: &Clock,
         resumed: bool,
+        signal: Arc<AtomicBool>,
     ) -> Result<Self, ProgramError> {
-        let signal = Arc::new(AtomicBool::new(false));
-        for number in [
-            signal_hook::consts::SIGTERM,
-            signal_hook::consts::SIGINT,
-            signal_hook::consts::SIGUSR1,
-        ] {
-            signal_hook::flag::register(number, signal.clone())
-                .map_err(|e| ProgramError::failed(format!("signals cannot be watched: {e}")))?;
-        }
         Ok(Self {
             output: case.output.clone(),
             series: AllSeries::open(case, folder, scene, resumed.then_some(clock.step))?,
