@@ -4,10 +4,15 @@
 """
 
 import argparse
+import os
 import pathlib
 
-import numpy as np
-import pyvista as pv
+if not os.environ.get("DISPLAY"):
+    # Without a screen VTK would try X first and complain.
+    os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
+
+import numpy as np  # noqa: E402
+import pyvista as pv  # noqa: E402
 
 BAR = {"vertical": True, "position_y": 0.3, "height": 0.4, "color": "black"}
 
