@@ -13,7 +13,7 @@ pub struct Figures {
     pub has_fluid: bool,
     /// Courant number of the step.
     pub cfl: f64,
-    /// Largest divergence [1/s].
+    /// Largest divergence \[1/s\].
     pub divergence: f64,
     /// Iterations of the pressure solve.
     pub poisson_iterations: usize,
@@ -61,7 +61,7 @@ pub struct Totals {
     pub steps: u64,
     /// Iterations of all pressure solves.
     pub poisson_iterations: usize,
-    /// Largest divergence of any step [1/s].
+    /// Largest divergence of any step \[1/s\].
     pub divergence_max: f64,
     /// Largest defect of any step.
     pub momentum_defect: f64,

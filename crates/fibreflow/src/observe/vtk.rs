@@ -138,7 +138,7 @@ impl DataSet<'_> {
     }
 }
 
-/// Velocity [m/s], pressure [Pa], body force [N/m³].
+/// Velocity \[m/s\], pressure \[Pa\], body force \[N/m³\].
 fn fluid_piece(grid: &Grid, fluid: &Fluid) -> Piece {
     let density = fluid.settings().density;
     let pressure: Vec<f64> = fluid.pressure().iter().map(|p| p * density).collect();
