@@ -1,4 +1,5 @@
-//! F1: two-dimensional Taylor–Green vortices carried by a drift, on every element kind.
+//! F1: two-dimensional Taylor–Green vortices carried by a drift, on every element kind. Sizes 16 to 64; with
+//! `FIBREFLOW_FULL` set, 128 too.
 
 mod common;
 

@@ -1,0 +1,90 @@
+//! Cost of a step, in ns per node, on one thread: `cargo run --release -p fibreflow-fluid --example cost [cells]`.
+
+use fibreflow_fluid::{BoundaryCondition, Fluid, FluidError, FluidSettings, Forcing, initial};
+use fibreflow_mesh::{BoxElement, BoxMesh, LocalMesh, geometry};
+use std::error::Error;
+use std::sync::Arc;
+use std::time::Instant;
+
+const STEPS: usize = 20;
+
+/// Turbulent start of a channel with `n` cells in each direction.
+fn channel(n: usize, element: BoxElement, cleaning_cycles: usize) -> Result<Fluid, Box<dyn Error>> {
+    let size = [4.0, 2.0, 2.0];
+    let mesh = BoxMesh {
+        size,
+        cells: [n; 3],
+        periodic: [true, false, true],
+        element,
+        ..BoxMesh::default()
+    };
+    let mesh = Arc::new(LocalMesh::single(mesh.build()?));
+    let dual = Arc::new(geometry::dual(&mesh)?);
+    let settings = FluidSettings {
+        boundary: vec![BoundaryCondition::WALL; mesh.patches.len()],
+        forcing: Forcing::BulkVelocity {
+            direction: [1.0, 0.0, 0.0],
+            value: 1.0,
+        },
+        cleaning_cycles,
+        ..FluidSettings::new(1.0, 1.0 / 2800.0)
+    };
+    let mut fluid = Fluid::new(mesh, dual, settings)?;
+    let start = initial::PerturbedChannel {
+        origin: [0.0; 3],
+        size,
+        stream: 0,
+        across: 1,
+        mean: 1.0,
+        profile: initial::MeanProfile::Turbulent,
+        intensity: 0.2,
+        seed: 1,
+    };
+    fluid.set_velocity(start.field())?;
+    Ok(fluid)
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let n = match std::env::args().nth(1) {
+        Some(text) => text.parse()?,
+        None => 32,
+    };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
+    for element in [BoxElement::Hexahedron, BoxElement::Tetrahedron] {
+        for cleaning_cycles in [2, 0] {
+            let mut fluid = channel(n, element, cleaning_cycles)?;
+            let nodes = fluid.mesh().owned();
+            let (mut predict, mut project) = (0.0, 0.0);
+            let (mut viscous, mut poisson) = (0, 0);
+            pool.install(|| -> Result<(), FluidError> {
+                for step in 0..STEPS + 5 {
+                    let dt = fluid.suggest_dt(0.5, 1.0);
+                    let start = Instant::now();
+                    let iterations = fluid.predict(dt)?;
+                    let middle = Instant::now();
+                    let solve = fluid.project(dt)?;
+                    // The first steps have no history for the initial guess.
+                    if step >= 5 {
+                        predict += (middle - start).as_secs_f64();
+                        project += middle.elapsed().as_secs_f64();
+                        viscous += iterations.iter().sum::<usize>();
+                        poisson += solve.iterations;
+                    }
+                }
+                Ok(())
+            })?;
+            let cost = |seconds: f64| seconds * 1e9 / (nodes * STEPS) as f64;
+            let mean = |count: usize| count as f64 / STEPS as f64;
+            println!(
+                "{element:?}, {nodes} nodes, {cleaning_cycles} cleaning cycles: predict {:.0} ns ({:.1} viscous \
+                 iterations), project {:.0} ns ({:.1} Poisson iterations), sum {:.0} ns per node and step",
+                cost(predict),
+                mean(viscous),
+                cost(project),
+                mean(poisson),
+                cost(predict + project),
+            );
+        }
+    }
+    Ok(())
+}
