@@ -17,7 +17,7 @@ import run_data
 
 case = pathlib.Path(__file__).with_name("case.toml")
 program = run_data.ROOT / "target" / "release" / "fibreflow"
-cells = np.array([16, 32, 64])
+cells = [16, 32, 64]
 figure, axis = plt.subplots(figsize=(6, 5))
 for element in ("hexahedron", "tetrahedron", "prism"):
     errors = []
@@ -36,7 +36,7 @@ for element in ("hexahedron", "tetrahedron", "prism"):
     order = -np.polyfit(np.log(cells), np.log(errors), 1)[0]
     print(f"{element}: errors {errors}, order {order:.2f}")
     axis.loglog(cells, errors, "o-", label=f"{element}, order {order:.2f}")
-axis.loglog(cells, errors[0] * (cells[0] / cells) ** 2.0, "k--", label="second order")
+axis.loglog(cells, [errors[0] * (cells[0] / n) ** 2 for n in cells], "k--", label="second order")
 axis.set_xlabel("cells in a direction")
 axis.set_ylabel("L2 error of the velocity, by the amplitude")
 axis.legend()
