@@ -89,9 +89,15 @@ impl Job {
     }
 
     /// Sends a signal, by name, to the process (`mpirun` hands SIGTERM and SIGUSR1 on to its ranks).
+    ///
+    /// # Panics
+    /// Panics when there is no shell to send it.
     pub fn signal(&self, name: &str) {
-        let id = self.child.id().to_string();
-        let _ = Command::new("kill").args(["-s", name, &id]).status();
+        // The shell's own `kill`: the program of that name is not on every machine.
+        let line = format!("kill -s {name} {}", self.child.id());
+        let sent = Command::new("sh").args(["-c", &line]).status();
+        // The process may have ended by itself.
+        sent.expect("a shell");
     }
 
     /// Waits for the end.
