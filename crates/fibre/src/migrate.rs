@@ -4,7 +4,7 @@ use crate::{FibreError, FibreRecord, FibreSystem};
 
 impl FibreSystem {
     /// Hands every fibre to a rank: `destination[f]` is the new owner of local fibre f. Local order stays that of the
-    /// ids; friction springs follow at the next step. Collective.
+    /// ids; friction springs follow at the next step, and [`FibreSystem::state`] before it would miss them. Collective.
     ///
     /// # Errors
     /// [`FibreError::Owners`] when the list does not fit, the same on every rank.
