@@ -77,6 +77,13 @@ build_release() {
     (cd "$root" && RUSTFLAGS="-C target-cpu=native" cargo build --release --locked -p fibreflow "${features[@]}")
 }
 
+# Release build of an example: build_example NAME -p PACKAGE. No feature is needed: examples run on one rank.
+build_example() {
+    local name=$1
+    shift
+    (cd "$root" && RUSTFLAGS="-C target-cpu=native" cargo build --release --locked -q "$@" --example "$name")
+}
+
 # Runs a program on so many ranks, one thread each; without MPI on one rank with all threads.
 on_ranks() {
     local ranks=$1
@@ -90,4 +97,15 @@ on_ranks() {
         OMPI_MCA_btl_vader_eager_limit=65536 OMPI_MCA_mpi_yield_when_idle=1 \
         OMPI_MCA_odls_base_sigkill_timeout=60 \
         RAYON_NUM_THREADS=1 mpirun --oversubscribe -n "$ranks" "$@"
+}
+
+# What a bench needs: packages, Python environment, release build, STREAM.
+prepare_bench() {
+    prepare_system
+    python_requirements
+    prepare_python "${requirements[@]}" || fail "the benches draw with Python packages that could not be installed"
+    export FIBREFLOW_EMBEDDED=$embedded
+    say "building"
+    build_release
+    build_example stream -p fibreflow-parallel
 }
