@@ -71,17 +71,17 @@ cargo_features() {
     fi
 }
 
-# Release build for the processor of this machine.
+# Release build, for the processor of this machine (.cargo/config.toml).
 build_release() {
     cargo_features
-    (cd "$root" && RUSTFLAGS="-C target-cpu=native" cargo build --release --locked -p fibreflow "${features[@]}")
+    (cd "$root" && cargo build --release --locked -p fibreflow "${features[@]}")
 }
 
 # Release build of an example: build_example NAME -p PACKAGE. No feature is needed: examples run on one rank.
 build_example() {
     local name=$1
     shift
-    (cd "$root" && RUSTFLAGS="-C target-cpu=native" cargo build --release --locked -q "$@" --example "$name")
+    (cd "$root" && cargo build --release --locked -q "$@" --example "$name")
 }
 
 # Runs a program on so many ranks, one thread each; without MPI on one rank with all threads.
