@@ -49,7 +49,7 @@ impl Fluid {
             let boundary = through.binary_search_by_key(&(i as u32), |t| t.0);
             let rest = match boundary.map(|k| through[k].1) {
                 Err(_) => sum,
-                Ok(Through::Given(flux)) => sum + flux,
+                Ok(Through::Given(flux)) => sum + flux.end,
                 Ok(Through::Open) => 0.0,
             };
             rest.abs() / volumes[i]
@@ -66,7 +66,7 @@ impl Fluid {
             let part = shares.filter(|s| s.patch as usize == patch);
             let part: f64 = part.map(|s| length(s.area)).sum();
             let total = match through {
-                Through::Given(flux) => flux,
+                Through::Given(flux) => flux.end,
                 Through::Open => -self.operators.flux_sum(&self.flux, i as usize),
             };
             flux += total * part / all;

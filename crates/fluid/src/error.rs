@@ -40,6 +40,14 @@ pub enum FluidError {
         /// Σ |velocity| |area| over boundaries of given velocity \[m³/s\].
         total: f64,
     },
+    /// A table in time that makes no sense.
+    #[error("entry {} of the table in time {problem}", entry + 1)]
+    Table {
+        /// Which entry, from zero.
+        entry: usize,
+        /// What is wrong with it.
+        problem: String,
+    },
     /// A NaN or infinity.
     #[error(
         "{field} is not finite at node {node}, position ({:.6e}, {:.6e}, {:.6e}) m, step {step}",

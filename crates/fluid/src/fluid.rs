@@ -37,6 +37,8 @@ pub struct Fluid {
     pub(crate) driving: [f64; 3],
     /// What constrained nodes gave to the boundary in the last step, ρ⁻¹ × impulse \[m⁴/s\], by constraint.
     pub(crate) reaction: Vec<[f64; 4]>,
+    /// Time \[s\], for what changes in time on the boundary.
+    pub(crate) time: f64,
     /// Size of the last step \[s\]; zero before the first.
     pub(crate) last_dt: f64,
     /// Steps completed.
@@ -85,6 +87,7 @@ impl Fluid {
                 Forcing::BulkVelocity { .. } => [0.0; 3],
             },
             reaction: vec![[0.0; 4]; boundary.constraints.len()],
+            time: 0.0,
             last_dt: 0.0,
             steps: 0,
             mesh,
@@ -96,8 +99,8 @@ impl Fluid {
         Ok(fluid)
     }
 
-    /// Sets the velocity \[m/s\] as a function of position \[m\], puts boundary values in and projects; the pressure
-    /// starts anew. Collective.
+    /// Sets the velocity \[m/s\] as a function of position \[m\], puts boundary values in and projects; pressure and
+    /// time start anew. Collective.
     ///
     /// # Errors
     /// When the projection fails, or the function gives a value that is not finite.
@@ -109,8 +112,8 @@ impl Fluid {
             let [x, y, z] = velocity(x);
             *u = [x, y, z, 0.0];
         }
+        self.restart_history()?;
         self.impose_boundary();
-        self.restart_history();
         self.check_finite()?;
         self.project(0.0)?;
         (0..START_CYCLES).for_each(|_| self.clean());
@@ -131,12 +134,15 @@ impl Fluid {
     }
 
     /// Pressure and history as before the first step.
-    fn restart_history(&mut self) {
+    fn restart_history(&mut self) -> Result<(), FluidError> {
+        self.time = 0.0;
+        self.boundary.restart()?;
         self.last_dt = 0.0;
         self.steps = 0;
         self.pressure.fill(0.0);
         self.reaction.fill([0.0; 4]);
         self.poisson.forget();
+        Ok(())
     }
 
     /// One step of size `dt` \[s\]: predict, project. Collective.
@@ -198,6 +204,11 @@ impl Fluid {
     /// Uniform driving force −∇P \[Pa/m\] of the last step: given, or found by the bulk-velocity controller.
     pub fn driving_force(&self) -> [f64; 3] {
         self.driving
+    }
+
+    /// Time since the velocity was set \[s\], over restarts.
+    pub fn time(&self) -> f64 {
+        self.time
     }
 
     /// Steps completed since the velocity was set, over restarts.

@@ -14,7 +14,7 @@ mod rows;
 mod settings;
 mod state;
 
-pub use boundary::{BoundaryCondition, InletProfile};
+pub use boundary::{BoundaryCondition, Signal, TimeTable, VelocityProfile};
 pub use error::FluidError;
 pub use fluid::{Fluid, StepReport};
 pub use settings::{FluidSettings, Forcing, PressurePreconditioner};

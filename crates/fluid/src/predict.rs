@@ -22,6 +22,9 @@ const SUB_STEPS: [SubStep; 3] = [
     SubStep::new(3.0 / 4.0, -5.0 / 12.0),
 ];
 
+/// Time passed at the end of each sub-step, by Δt.
+const PASSED: [f64; 3] = [8.0 / 15.0, 2.0 / 3.0, 1.0];
+
 #[derive(Clone, Copy)]
 pub(crate) struct SubStep {
     gamma: f64,
@@ -98,17 +101,19 @@ impl Fluid {
         }
         self.extrapolate_flux(dt);
         if self.steps == 0 {
-            self.start_pressure()?;
+            self.start_pressure(dt)?;
         }
         self.gather_sources();
         self.reaction.fill([0.0; 4]);
         let settings = self.viscous_tolerance();
         let mut iterations = [0; 3];
-        for (sub_step, iterations) in SUB_STEPS.iter().zip(&mut iterations) {
+        for (k, (sub_step, iterations)) in SUB_STEPS.iter().zip(&mut iterations).enumerate() {
             self.explicit(sub_step, dt);
+            self.move_boundary(PASSED[k] * dt);
             *iterations = self.implicit(sub_step, dt, &settings)?;
         }
         self.hold_bulk_velocity(dt);
+        self.end_boundary(dt)?;
         Ok(iterations)
     }
 
@@ -123,6 +128,7 @@ impl Fluid {
         rows::each(&mut self.momentum.convecting, |e, flux| {
             *flux = new[e] + ahead * (new[e] - old[e]);
         });
+        self.boundary.begin_step(ahead);
     }
 
     /// V (f/ρ + g − G p).
@@ -171,7 +177,7 @@ impl Fluid {
         for &(i, through) in through {
             let i = i as usize;
             let flux = match through {
-                Through::Given(flux) => flux,
+                Through::Given(flux) => flux.convecting,
                 Through::Open => -self.operators.flux_sum(convecting, i),
             };
             // Backflow through an outlet would bring in ½ u² F_b: that much is taken away.
@@ -208,12 +214,20 @@ impl Fluid {
             ..
         } = &mut self.momentum;
         let mut iterations = 0;
+        let moves = self.boundary.moves;
         if coefficient > 0.0 {
             let helmholtz = Helmholtz {
                 matrix,
                 mass: volumes,
                 coefficient,
             };
+            if moves {
+                increment.fill([0.0; 4]);
+                self.boundary.put_shift(increment);
+                self.mesh.halo.update(increment);
+                helmholtz.lift(increment, rhs);
+                self.boundary.put_zero(rhs);
+            }
             jacobi.update(helmholtz.diagonal());
             let operator = Confined {
                 helmholtz,
@@ -224,18 +238,57 @@ impl Fluid {
             iterations = solve
                 .map_err(|source| self.solve_failed("momentum", source))?
                 .iterations;
+            if moves {
+                let increment = &mut self.momentum.increment;
+                self.boundary.put_shift(increment);
+                self.mesh.halo.update(increment);
+            }
             self.close_balance(coefficient);
         } else {
             rows::each(&mut increment[..rhs.len()], |i, increment| {
                 *increment = rhs[i].map(|r| r / volumes[i]);
             });
+            self.boundary.put_shift(increment);
         }
+        self.book_shift();
         let increment = &self.momentum.increment;
         let owned = self.mesh.owned();
         rows::each(&mut self.velocity[..owned], |i, u| {
             (0..3).for_each(|c| u[c] += increment[i][c]);
         });
         Ok(iterations)
+    }
+
+    /// Given velocities `passed` \[s\] after the start of the step; implicit diffusion sees them in the sub-step.
+    fn move_boundary(&mut self, passed: f64) {
+        if self.boundary.moves {
+            self.boundary.move_to(self.time + passed);
+        }
+    }
+
+    /// Momentum that boundaries gave to nodes whose velocity they changed.
+    fn book_shift(&mut self) {
+        if !self.boundary.moves {
+            return;
+        }
+        let volumes = self.operators.volumes();
+        for (constraint, reaction) in self.boundary.constraints.iter().zip(&mut self.reaction) {
+            let i = constraint.node as usize;
+            let increment = self.momentum.increment[i];
+            let admitted = constraint.admit(increment);
+            (0..3).for_each(|c| reaction[c] -= volumes[i] * (increment[c] - admitted[c]));
+        }
+    }
+
+    /// Given fluxes at the end of the step, outlet pressures in its middle.
+    fn end_boundary(&mut self, dt: f64) -> Result<(), FluidError> {
+        if self.boundary.moves {
+            self.boundary.balance()?;
+        }
+        if self.boundary.pulses {
+            self.boundary.pulse_to(self.time + 0.5 * dt);
+        }
+        Ok(())
     }
 
     /// Momentum that the implicit part of diffusion gave to constrained nodes; without any, the mean of the increment

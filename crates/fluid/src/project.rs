@@ -16,7 +16,7 @@
 //! w_ij (p_j − p_i)], zero for linear pressure on every mesh, with τ = ε Δt and ε at most 0.015 and of first order in Δt.
 //! A cavity then comes to a steady state with bounded pressure, which it does not at ε = 0.
 
-use crate::boundary::{Boundary, Through};
+use crate::boundary::{Boundary, GivenFlux, Through};
 use crate::fluid::START_CYCLES;
 use crate::polynomial::Polynomial;
 use crate::predict::SubStep;
@@ -135,8 +135,15 @@ impl Fluid {
         self.add_mismatch(dt);
         let settings = self.predicted_divergence();
         self.poisson.guess(dt);
+        let pulses = self.boundary.pulses && dt > 0.0;
+        if pulses {
+            self.lift_outlets(dt);
+        }
         let solve = self.poisson.solve(&settings);
         let report = solve.map_err(|source| self.solve_failed("pressure", source))?;
+        if pulses {
+            self.put_outlets(dt);
+        }
         self.correct();
         if dt > 0.0 {
             self.poisson.remember(dt);
@@ -145,6 +152,7 @@ impl Fluid {
                 self.clean();
                 Self::raise(&self.poisson.psi, dt, &mut self.pressure);
             }
+            self.time += dt;
             self.last_dt = dt;
             self.steps += 1;
         }
@@ -183,11 +191,37 @@ impl Fluid {
         let Pressure { sums, q, .. } = &mut self.poisson;
         self.operators
             .interpolate_flux(&mut self.velocity, q, &mut self.flux, sums);
-        self.right_hand_side(1.0)
+        self.right_hand_side(|flux| flux.end)
     }
 
-    /// `given` scales the boundary fluxes that are given: they do not change in time.
-    fn right_hand_side(&mut self, given: f64) -> CgSettings {
+    /// What outlets give to ψ at their neighbours into the right-hand side; at outlets it is put in after the solve,
+    /// so that their unit does not enter the norm.
+    fn lift_outlets(&mut self, dt: f64) {
+        self.poisson.psi.fill(0.0);
+        self.put_outlets(dt);
+        let Pressure {
+            matrix, psi, rhs, ..
+        } = &mut self.poisson;
+        matrix.lift(psi, rhs);
+        self.poisson.guess(dt);
+        let Pressure { psi, rhs, .. } = &mut self.poisson;
+        for &(i, _) in &self.boundary.outlets {
+            (psi[i as usize], rhs[i as usize]) = (0.0, 0.0);
+        }
+    }
+
+    /// ψ = Δt (p^(n+½) − p^(n−½)) at outlets.
+    fn put_outlets(&mut self, dt: f64) {
+        let psi = &mut self.poisson.psi;
+        for &(i, pressure) in &self.boundary.outlets {
+            let i = i as usize;
+            psi[i] = dt * (pressure / self.settings.density - self.pressure[i]);
+        }
+        self.mesh.halo.update(psi);
+    }
+
+    /// Minus the divergence into the right-hand side; `given` picks the fluxes that boundaries prescribe.
+    fn right_hand_side(&mut self, given: impl Fn(&GivenFlux) -> f64) -> CgSettings {
         let Pressure { sums, rhs, .. } = &mut self.poisson;
         rows::each(rhs, |i, rhs| *rhs = -sums[i][0]);
         self.close(given);
@@ -208,7 +242,7 @@ impl Fluid {
         let Pressure { rhs, q, .. } = &mut self.poisson;
         self.operators.divergence(&mut self.velocity, q, rhs);
         rows::each(rhs, |_, rhs| *rhs = -*rhs);
-        self.close(1.0);
+        self.close(|flux| flux.end);
         let Pressure {
             matrix,
             polynomial,
@@ -229,11 +263,11 @@ impl Fluid {
     }
 
     /// Boundary fluxes into the right-hand side; outlets close themselves.
-    fn close(&mut self, given: f64) {
-        for &(i, through) in &self.boundary.through {
-            let rhs = &mut self.poisson.rhs[i as usize];
+    fn close(&mut self, given: impl Fn(&GivenFlux) -> f64) {
+        for (i, through) in &self.boundary.through {
+            let rhs = &mut self.poisson.rhs[*i as usize];
             match through {
-                Through::Given(flux) => *rhs -= given * flux,
+                Through::Given(flux) => *rhs -= given(flux),
                 Through::Open => *rhs = 0.0,
             }
         }
@@ -264,8 +298,11 @@ impl Fluid {
     }
 
     /// The pressure that keeps the initial velocity and fluxes solenoidal; without it the first step would be of first
-    /// order. Convecting flux as extrapolated for the step.
-    pub(crate) fn start_pressure(&mut self) -> Result<(), FluidError> {
+    /// order. Convecting flux as extrapolated for the step; boundaries change as they do in the step of size `dt`.
+    pub(crate) fn start_pressure(&mut self, dt: f64) -> Result<(), FluidError> {
+        if self.boundary.moves {
+            self.boundary.find_rates(self.time, dt)?;
+        }
         self.pressure.fill(0.0);
         for &(i, pressure) in &self.boundary.outlets {
             self.pressure[i as usize] = pressure / self.settings.density;
@@ -300,6 +337,7 @@ impl Fluid {
         rows::each(&mut rate[..rhs.len()], |i, rate| {
             *rate = rhs[i].map(|r| r / volumes[i]);
         });
+        self.boundary.put_shift(rate);
         // `flux_previous` equals `flux` before the first step: it serves as scratch.
         // No mismatch in the rate.
         let Pressure { sums, psi, .. } = &mut self.poisson;
@@ -307,6 +345,6 @@ impl Fluid {
         self.operators
             .interpolate_flux(rate, psi, &mut self.flux_previous, sums);
         self.flux_previous.copy_from_slice(&self.flux);
-        self.right_hand_side(0.0)
+        self.right_hand_side(|flux| flux.rate)
     }
 }

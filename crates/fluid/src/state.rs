@@ -18,8 +18,11 @@ pub struct FluidState {
 const VELOCITY: &str = "fluid.velocity";
 const PRESSURE: &str = "fluid.pressure";
 const RATES: [&str; 2] = ["fluid.pressure_rate", "fluid.pressure_rate_previous"];
+/// At the end of the last step and one step earlier.
+const THROUGH: &str = "fluid.boundary_flux";
 const FLUX: &str = "fluid.flux";
 const FLUX_PREVIOUS: &str = "fluid.flux_previous";
+const TIME: &str = "fluid.time";
 const LAST_DT: &str = "fluid.last_dt";
 const STEPS: &str = "fluid.steps";
 const DRIVING: [&str; 3] = ["fluid.driving_x", "fluid.driving_y", "fluid.driving_z"];
@@ -68,17 +71,22 @@ impl Fluid {
         let [new, old] = &self.poisson.rates;
         let components = velocity.iter().flat_map(|u| [u[0], u[1], u[2]]).collect();
         let mut scalars = vec![
+            (TIME.to_owned(), self.time),
             (LAST_DT.to_owned(), self.last_dt),
             (STEPS.to_owned(), self.steps as f64),
         ];
         scalars.extend(DRIVING.map(str::to_owned).into_iter().zip(self.driving));
+        let mut fields = vec![
+            (VELOCITY.to_owned(), 3, components),
+            node(PRESSURE, &self.pressure),
+            node(RATES[0], new),
+            node(RATES[1], old),
+        ];
+        if self.boundary.moves {
+            fields.push((THROUGH.to_owned(), 2, self.boundary.fluxes(owned)));
+        }
         FluidState {
-            node: vec![
-                (VELOCITY.to_owned(), 3, components),
-                node(PRESSURE, &self.pressure),
-                node(RATES[0], new),
-                node(RATES[1], old),
-            ],
+            node: fields,
             pair: vec![
                 (FLUX.to_owned(), self.flux.clone()),
                 (FLUX_PREVIOUS.to_owned(), self.flux_previous.clone()),
@@ -103,6 +111,9 @@ impl Fluid {
         let flux = state.pair(FLUX, entries)?;
         let flux_previous = state.pair(FLUX_PREVIOUS, entries)?;
         let (last_dt, steps) = (state.scalar(LAST_DT)?, state.scalar(STEPS)?);
+        let time = state.scalar(TIME)?;
+        let through = self.boundary.moves.then(|| state.node(THROUGH, 2, owned));
+        let through = through.transpose()?;
         let mut driving = [0.0; 3];
         for (value, name) in driving.iter_mut().zip(DRIVING) {
             *value = state.scalar(name)?;
@@ -119,6 +130,10 @@ impl Fluid {
         self.mesh.halo.update(&mut self.velocity);
         self.mesh.halo.update(&mut self.pressure);
         (self.last_dt, self.steps, self.driving) = (last_dt, steps as u64, driving);
+        self.time = time;
+        if let Some(through) = through {
+            self.boundary.restore(&self.velocity, through);
+        }
         self.reaction.fill([0.0; 4]);
         self.check_finite()
     }

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{errors, fluid_on, of, order, settings};
-use fibreflow_fluid::{BoundaryCondition, Fluid, Forcing, InletProfile, initial};
+use fibreflow_fluid::{BoundaryCondition, Fluid, Forcing, Signal, VelocityProfile, initial};
 use fibreflow_mesh::{BoxElement, BoxMesh, Stretching};
 
 /// Half height 1, μ = 0.5, ρ = 2, mean velocity 1: −dp/dx = 3 μ ū/h² = 1.5.
@@ -165,9 +165,11 @@ fn channel_with_inlet_and_outlet_reaches_poiseuille_and_conserves_mass() {
     };
     let mut fluid = fluid_on(&mesh, settings(1.0, 0.2, 1e-13), |name| match name {
         "x_min" => BoundaryCondition::Inlet {
-            profile: InletProfile::parabolic([1.0, 0.0, 0.0], 1, 0.0, 2.0),
+            profile: VelocityProfile::parabolic([1.0, 0.0, 0.0], 1, 0.0, 2.0),
         },
-        "x_max" => BoundaryCondition::Outlet { pressure: 5.0 },
+        "x_max" => BoundaryCondition::Outlet {
+            pressure: Signal::Constant(5.0),
+        },
         _ => BoundaryCondition::WALL,
     });
     for _ in 0..400 {

@@ -167,7 +167,7 @@ fn a_domain_that_only_fills_is_refused() {
     let dual = Arc::new(geometry::dual(&local).expect("geometry"));
     let boundary = |name: &String| match name.as_str() {
         "x_min" => BoundaryCondition::Inlet {
-            profile: fibreflow_fluid::InletProfile::Uniform([1.0, 0.0, 0.0]),
+            profile: fibreflow_fluid::VelocityProfile::Uniform([1.0, 0.0, 0.0]),
         },
         _ => BoundaryCondition::WALL,
     };

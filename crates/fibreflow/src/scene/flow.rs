@@ -8,8 +8,8 @@ use fibreflow_coupling::{Coupling, SpreadReport};
 use fibreflow_fibre::hydrodynamics::AmbientFlow;
 use fibreflow_fibre::{Ambient, FibreSystem, Points, Reaction};
 use fibreflow_fluid::{
-    BoundaryCondition, Fluid, FluidSettings, Forcing, InletProfile, PressurePreconditioner,
-    StepReport,
+    BoundaryCondition, Fluid, FluidSettings, Forcing, PressurePreconditioner, Signal, StepReport,
+    VelocityProfile,
 };
 use fibreflow_mesh::LocalMesh;
 use fibreflow_solve::CgSettings;
@@ -203,11 +203,7 @@ fn solved(
 fn given_velocity(mesh: &SceneMesh, conditions: &[BoundaryCondition]) -> Vec<bool> {
     let mut given = vec![false; mesh.local.owned()];
     for share in &mesh.geometry.boundary {
-        let condition = &conditions[share.patch as usize];
-        given[share.node as usize] |= matches!(
-            condition,
-            BoundaryCondition::Wall { .. } | BoundaryCondition::Inlet { .. }
-        );
+        given[share.node as usize] |= conditions[share.patch as usize].gives_velocity();
     }
     given
 }
@@ -225,11 +221,11 @@ fn conditions(
         }),
         Boundary::Slip {} => Ok(BoundaryCondition::Slip),
         Boundary::Outlet { pressure } => Ok(BoundaryCondition::Outlet {
-            pressure: *pressure,
+            pressure: Signal::Constant(*pressure),
         }),
         Boundary::Inlet { velocity, profile } => {
             let profile = match profile {
-                Profile::Uniform => InletProfile::Uniform(*velocity),
+                Profile::Uniform => VelocityProfile::Uniform(*velocity),
                 Profile::Parabolic => parabolic(fluid, name, *velocity, domain)?,
             };
             Ok(BoundaryCondition::Inlet { profile })
@@ -244,7 +240,7 @@ fn parabolic(
     inlet: &str,
     mean: [f64; 3],
     domain: Option<&Domain>,
-) -> Result<InletProfile, ProgramError> {
+) -> Result<VelocityProfile, ProgramError> {
     let is_wall = |patch: String| matches!(fluid.boundaries.get(&patch), Some(Boundary::Wall {}));
     let axis = (0..3).find(|&c| {
         let letter = ["x", "y", "z"][c];
@@ -256,7 +252,12 @@ fn parabolic(
     match (axis, domain) {
         (Some(axis), Some(d)) => {
             let low = d.origin[axis];
-            Ok(InletProfile::parabolic(mean, axis, low, low + d.size[axis]))
+            Ok(VelocityProfile::parabolic(
+                mean,
+                axis,
+                low,
+                low + d.size[axis],
+            ))
         }
         _ => Err(ProgramError::input(format!(
             "fluid.boundaries.{inlet}.profile = \"parabolic\" needs a box mesh with two opposite walls beside the inlet"
