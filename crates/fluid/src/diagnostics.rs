@@ -2,7 +2,6 @@
 
 use crate::Fluid;
 use crate::boundary::Through;
-use crate::settings::length;
 use fibreflow_parallel::{block_max, block_sums};
 
 impl Fluid {
@@ -55,56 +54,6 @@ impl Fluid {
             rest.abs() / volumes[i]
         };
         self.largest(divergence).max(0.0)
-    }
-
-    /// Flow out of the domain through a patch \[m³/s\]. Collective.
-    pub fn patch_flux(&self, patch: usize) -> f64 {
-        let mut flux = 0.0;
-        for &(i, through) in &self.boundary.through {
-            let shares = self.shares(i);
-            let all: f64 = shares.clone().map(|s| length(s.area)).sum();
-            let part = shares.filter(|s| s.patch as usize == patch);
-            let part: f64 = part.map(|s| length(s.area)).sum();
-            let total = match through {
-                Through::Given(flux) => flux.end,
-                Through::Open => -self.operators.flux_sum(&self.flux, i as usize),
-            };
-            flux += total * part / all;
-        }
-        self.mesh.halo.communicator().sum(flux)
-    }
-
-    /// Force of the fluid on a wall, slip or inlet patch, mean over the last step \[N\]: what the discrete momentum
-    /// equation gave to the patch, so that the balance of momentum closes. Nodes of several such patches share it by
-    /// area. Zero before the first step and for outlets. Collective.
-    pub fn wall_force(&self, patch: usize) -> [f64; 3] {
-        let mut force = [0.0; 3];
-        if self.last_dt > 0.0 && self.steps > 0 {
-            for (constraint, reaction) in self.boundary.constraints.iter().zip(&self.reaction) {
-                let i = constraint.node;
-                let shares = self.shares(i).filter(|s| self.takes_force(s.patch));
-                let all: f64 = shares.clone().map(|s| length(s.area)).sum();
-                for share in shares.filter(|s| s.patch as usize == patch) {
-                    let part = length(share.area) / (all * self.last_dt);
-                    let pressure = self.pressure[i as usize];
-                    (0..3).for_each(|c| force[c] += part * reaction[c] + pressure * share.area[c]);
-                }
-            }
-        }
-        self.mesh.halo.communicator().sum_slice(&mut force);
-        force.map(|f| f * self.settings.density)
-    }
-
-    fn takes_force(&self, patch: u16) -> bool {
-        let condition = &self.settings.boundary[patch as usize];
-        !matches!(condition, crate::BoundaryCondition::Outlet { .. })
-    }
-
-    /// Boundary shares of an owned node.
-    fn shares(&self, node: u32) -> impl Iterator<Item = &fibreflow_mesh::BoundaryNode> + Clone {
-        let all = &self.operators.geometry.boundary;
-        let first = all.partition_point(|s| s.node < node);
-        all[first..].iter().take_while(move |s| s.node == node)
     }
 
     /// Courant number of a step: Δt max ½ Σ_j |F_ij|/V_i, which is Δt Σ_c |u_c|/h_c on a uniform grid. Collective.

@@ -53,7 +53,7 @@ pub(crate) struct Momentum {
     /// F at the middle of the step, by pair entry \[m³/s\].
     convecting: Vec<f64>,
     /// Owned: V (f/ρ + g − G p) \[m⁴/s²\].
-    source: Vec<[f64; 4]>,
+    pub(crate) source: Vec<[f64; 4]>,
     /// Owned: −C(F)u of the newest sub-step \[m⁴/s²\].
     convection: Vec<[f64; 4]>,
     /// Owned: explicit part of V (u^k − u^(k−1)) \[m⁴/s\].

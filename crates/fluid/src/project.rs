@@ -337,7 +337,13 @@ impl Fluid {
         rows::each(&mut rate[..rhs.len()], |i, rate| {
             *rate = rhs[i].map(|r| r / volumes[i]);
         });
-        self.boundary.put_shift(rate);
+        // The force on nodes of the boundary is balanced by pressure too.
+        for constraint in &self.boundary.constraints {
+            let i = constraint.node as usize;
+            let source = self.momentum.source[i];
+            let admitted = constraint.admit(source);
+            (0..3).for_each(|c| rate[i][c] += (source[c] - admitted[c]) / volumes[i]);
+        }
         // `flux_previous` equals `flux` before the first step: it serves as scratch.
         // No mismatch in the rate.
         let Pressure { sums, psi, .. } = &mut self.poisson;

@@ -98,10 +98,10 @@ fn momentum_closes_with_a_moving_wall() {
     }
 }
 
-fn channel(inlet: VelocityProfile, outlet: Signal, element: BoxElement) -> Fluid {
+fn channel(inlet: VelocityProfile, outlet: Signal, mesh: &BoxMesh) -> Fluid {
     let mesh = BoxMesh {
         periodic: [false, false, true],
-        ..of(element, [2.0, 1.0, 0.25], [12, 10, 2], 0.0)
+        ..mesh.clone()
     };
     fluid_on(&mesh, settings(1.0, NU, 1e-11), |name| match name {
         "x_min" => BoundaryCondition::Inlet {
@@ -112,6 +112,25 @@ fn channel(inlet: VelocityProfile, outlet: Signal, element: BoxElement) -> Fluid
         },
         _ => BoundaryCondition::WALL,
     })
+}
+
+#[test]
+fn a_pulsating_inlet_is_second_order_in_time() {
+    for element in [BoxElement::Hexahedron, BoxElement::Tetrahedron] {
+        let parabola = VelocityProfile::parabolic([1.0, 0.0, 0.0], 1, 0.0, 1.0);
+        let pulse = Signal::Function(Arc::new(|t| 0.5 - 0.5 * (PI * t).cos()));
+        let profile = parabola.scaled(pulse);
+        // On finer meshes the slow waves of the approximate projection hide the order until steps are small.
+        let name = format!("pulsating inlet, {element:?}");
+        let fitted = order_in_time(&name, &[64.0, 128.0, 256.0], 1024.0, || {
+            channel(
+                profile.clone(),
+                0.0.into(),
+                &of(element, [1.0, 1.0, 0.25], [6, 6, 1], 0.0),
+            )
+        });
+        assert!(fitted >= 1.85, "{fitted}");
+    }
 }
 
 /// Two open ends, the pressure at one of them oscillating.
@@ -142,7 +161,11 @@ fn a_table_of_inflow_is_met_at_every_step() {
     let table = TimeTable::new(vec![0.0, 0.3, 0.5], vec![[0.0], [1.0], [0.2]], false);
     let table = Arc::new(table.expect("table"));
     let profile = VelocityProfile::Uniform([1.0, 0.0, 0.0]).scaled(Signal::Table(table.clone()));
-    let mut fluid = channel(profile, 0.0.into(), BoxElement::Tetrahedron);
+    let mut fluid = channel(
+        profile,
+        0.0.into(),
+        &of(BoxElement::Tetrahedron, [2.0, 1.0, 0.25], [12, 10, 2], 0.0),
+    );
     let patch = |name: &str| fluid.mesh().patches.iter().position(|p| p == name);
     let (inlet, outlet) = (
         patch("x_min").expect("inlet"),
@@ -167,7 +190,11 @@ fn a_restart_between_boundary_changes_is_bitwise() {
         let shape = VelocityProfile::parabolic([1.0, 0.0, 0.0], 1, 0.0, 1.0);
         let pulse = Signal::Function(Arc::new(|t| 1.0 + 0.5 * (3.0 * t).sin()));
         let pressure = Signal::Function(Arc::new(|t| (2.0 * t).cos()));
-        channel(shape.scaled(pulse), pressure, BoxElement::Prism)
+        channel(
+            shape.scaled(pulse),
+            pressure,
+            &of(BoxElement::Prism, [2.0, 1.0, 0.25], [12, 10, 2], 0.0),
+        )
     };
     let advance = |fluid: &mut Fluid, steps: usize| {
         for _ in 0..steps {

@@ -72,6 +72,14 @@ impl BoundaryCondition {
         matches!(self, Self::MovingWall { profile } if profile.is_rotation())
     }
 
+    /// ω \[rad/s\] of a rotating wall at a time \[s\].
+    pub(crate) fn spin(&self, time: f64) -> Option<[f64; 3]> {
+        match self {
+            Self::MovingWall { profile } => profile.spin(time),
+            _ => None,
+        }
+    }
+
     /// Which condition decides on a node of several patches: the smallest.
     pub(super) fn rank(&self) -> usize {
         match self {

@@ -333,8 +333,7 @@ impl Boundary {
         }
     }
 
-    /// Rates of change over a first step of `dt` from `time` \[s\]: of the fluxes, and of the velocities in `shift`
-    /// \[m/s²\]. Collective.
+    /// Rates of change of the given fluxes over a first step of `dt` from `time` \[s\]. Collective.
     pub fn find_rates(&mut self, time: f64, dt: f64) -> Result<(), FluidError> {
         self.move_to(time + dt);
         self.balance()?;
@@ -344,10 +343,7 @@ impl Boundary {
             }
         }
         self.move_to(time);
-        self.balance()?;
-        let rate = -1.0 / dt;
-        self.shift.iter_mut().flatten().for_each(|s| *s *= rate);
-        Ok(())
+        self.balance()
     }
 
     /// As at time zero, before the first step. Collective.

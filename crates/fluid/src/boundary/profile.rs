@@ -100,6 +100,20 @@ impl VelocityProfile {
         }
     }
 
+    /// ω \[rad/s\] of a rotation at a time \[s\].
+    pub(super) fn spin(&self, time: f64) -> Option<[f64; 3]> {
+        match self {
+            Self::Rotation {
+                angular_velocity, ..
+            } => Some(*angular_velocity),
+            Self::Scaled { shape, factor } => {
+                let factor = factor.at(time);
+                shape.spin(time).map(|omega| omega.map(|w| factor * w))
+            }
+            _ => None,
+        }
+    }
+
     /// True when it is zero at any time.
     pub(super) fn is_rest(&self) -> bool {
         match self {

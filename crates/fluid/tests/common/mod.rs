@@ -2,20 +2,17 @@
 #![allow(dead_code)]
 
 use fibreflow_fluid::{BoundaryCondition, Fluid, FluidSettings};
-use fibreflow_mesh::{BoxElement, BoxMesh, LocalMesh, geometry};
+use fibreflow_mesh::{BoxElement, BoxMesh, Image, LocalMesh, Mesh, Periods, geometry};
 use fibreflow_solve::CgSettings;
 use std::sync::Arc;
 
 /// Fluid on a box, with a condition for each patch by name.
 pub fn fluid_on(
     mesh: &BoxMesh,
-    mut settings: FluidSettings,
+    settings: FluidSettings,
     condition: impl Fn(&str) -> BoundaryCondition,
 ) -> Fluid {
-    let local = Arc::new(LocalMesh::single(mesh.build().expect("box")));
-    let dual = Arc::new(geometry::dual(&local).expect("dual geometry"));
-    settings.boundary = local.patches.iter().map(|p| condition(p)).collect();
-    Fluid::new(local, dual, settings).expect("fluid")
+    fluid_in(mesh.build().expect("box"), settings, condition)
 }
 
 /// Fluid of density 1 in a periodic box.
@@ -90,4 +87,50 @@ pub fn run_to(fluid: &mut Fluid, end: f64, dt: f64) -> usize {
         iterations += report.poisson_iterations;
     }
     iterations / steps.max(1)
+}
+
+/// A ring around the z axis: `cells` along angle, radius and z; its patches are `inner`, `outer`, `z_min`, `z_max`.
+pub fn ring(element: BoxElement, [inner, outer]: [f64; 2], height: f64, cells: [usize; 3]) -> Mesh {
+    let unrolled = BoxMesh {
+        periodic: [true, false, false],
+        ..of(
+            element,
+            [std::f64::consts::TAU, outer - inner, height],
+            cells,
+            0.0,
+        )
+    };
+    let mut mesh = unrolled.build().expect("box");
+    for x in &mut mesh.nodes {
+        let (angle, radius) = (-x[0], inner + x[1]);
+        (x[0], x[1]) = (radius * angle.cos(), radius * angle.sin());
+    }
+    // Once around is the node itself.
+    mesh.elements.images.fill(Image::ZERO);
+    mesh.boundary
+        .iter_mut()
+        .for_each(|face| face.images = [Image::ZERO; 4]);
+    mesh.periods = Periods::default();
+    mesh.patches = ["inner", "outer", "z_min", "z_max"]
+        .map(String::from)
+        .to_vec();
+    mesh
+}
+
+/// Fluid on any mesh of one rank.
+pub fn fluid_in(
+    mesh: Mesh,
+    mut settings: FluidSettings,
+    condition: impl Fn(&str) -> BoundaryCondition,
+) -> Fluid {
+    let local = Arc::new(LocalMesh::single(mesh));
+    let dual = Arc::new(geometry::dual(&local).expect("dual geometry"));
+    settings.boundary = local.patches.iter().map(|p| condition(p)).collect();
+    Fluid::new(local, dual, settings).expect("fluid")
+}
+
+/// Index of a patch.
+pub fn patch(fluid: &Fluid, name: &str) -> usize {
+    let found = fluid.mesh().patches.iter().position(|p| p == name);
+    found.expect("patch")
 }
