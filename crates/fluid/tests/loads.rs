@@ -131,8 +131,15 @@ fn hydrostatic_pressure_carries_the_weight() {
         let total = loads.iter().fold(PatchLoad::default(), |s, l| s.plus(l));
         println!("{element:?}: {total:?}");
         let force = total.force();
-        assert!((force[1] + weight).abs() < 1e-7 * weight, "{force:?}");
-        assert!(force[0].abs() + force[2].abs() < 1e-7 * weight, "{force:?}");
+        // What is still moving takes the rest.
+        assert!(
+            (force[1] + weight).abs() < 0.1 * tolerance * weight,
+            "{force:?}"
+        );
+        assert!(
+            force[0].abs() + force[2].abs() < 0.1 * tolerance * weight,
+            "{force:?}"
+        );
         assert!(total.viscous[1].abs() < tolerance * weight, "{total:?}");
         // Side wall of height 2 and width 0.5: ∫ p (y − 1) dA = −ρg 0.5 ∫ s² ds, s = −1…1.
         let side = loads[patch(&fluid, "x_max")].pressure_torque[2];
