@@ -60,14 +60,14 @@ fn main() -> Result<(), Box<dyn Error>> {
                 for step in 0..STEPS + 5 {
                     let dt = fluid.suggest_dt(0.5, 1.0);
                     let start = Instant::now();
-                    let iterations = fluid.predict(dt)?;
+                    let prediction = fluid.predict(dt)?;
                     let middle = Instant::now();
                     let solve = fluid.project(dt)?;
                     // The first steps have no history for the initial guess.
                     if step >= 5 {
                         predict += (middle - start).as_secs_f64();
                         project += middle.elapsed().as_secs_f64();
-                        viscous += iterations.iter().sum::<usize>();
+                        viscous += prediction.iterations.iter().sum::<usize>();
                         poisson += solve.iterations;
                     }
                 }

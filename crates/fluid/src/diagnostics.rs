@@ -1,7 +1,7 @@
 //! What is asked of a flow: energy, momentum, divergence, wall forces, time step.
 
-use crate::Fluid;
 use crate::boundary::Through;
+use crate::{Diffusion, Fluid};
 use fibreflow_parallel::{block_max, block_sums};
 
 impl Fluid {
@@ -56,43 +56,24 @@ impl Fluid {
         self.largest(divergence).max(0.0)
     }
 
-    /// Courant number of a step: Δt max ½ Σ_j |F_ij|/V_i, which is Δt Σ_c |u_c|/h_c on a uniform grid. Collective.
+    /// Courant number of a step: Δt max ½ Σ_j |F_ij|/V_i, which is Δt Σ_c |u_c|/h_c on a uniform grid.
     pub fn courant_number(&self, dt: f64) -> f64 {
-        let volumes = self.operators.volumes();
-        let rate = |i: usize| {
-            let range = self.operators.geometry.row(i);
-            let sum: f64 = self.flux[range].iter().map(|f| f.abs()).sum();
-            0.5 * sum / volumes[i]
-        };
-        dt * self.largest(rate).max(0.0)
+        dt * self.flux_rate
     }
 
-    /// Largest step of Courant number `cfl`, see [`Fluid::courant_number`], and not above `longest` \[s\]. Sub-steps
-    /// of the scheme are stable up to √3. Collective.
+    /// Largest step of Courant number `cfl`, see [`Fluid::courant_number`], and not above `longest` \[s\]. The scheme is
+    /// stable up to √3. Where the settings ask for explicit diffusion, its stability limits the step too.
     pub fn suggest_dt(&self, cfl: f64, longest: f64) -> f64 {
-        let rate = self.courant_number(1.0);
-        if rate > 0.0 {
-            longest.min(cfl / rate)
-        } else {
+        let by_flow = cfl / self.flux_rate;
+        let dt = if by_flow.is_nan() {
             longest
-        }
-    }
-
-    /// Δt max (½ Σ_j |F_ij| + ν Σ_j w_ij)/V_i: what a step carries and diffuses, in cells. Collective.
-    pub(crate) fn transport_number(&self, dt: f64) -> f64 {
-        let (geometry, nu) = (
-            &self.operators.geometry,
-            self.settings.kinematic_viscosity(),
-        );
-        let rate = |i: usize| {
-            let range = geometry.row(i);
-            let pairs = geometry.faces[range.clone()]
-                .iter()
-                .zip(&self.flux_previous[range]);
-            let sum: f64 = pairs.map(|(s, f)| 0.5 * f.abs() + nu * s[3]).sum();
-            sum / geometry.volumes[i]
+        } else {
+            longest.min(by_flow)
         };
-        dt * self.largest(rate).max(0.0)
+        match self.settings.diffusion {
+            Diffusion::Explicit => dt.min(self.longest_explicit_step()),
+            Diffusion::Auto | Diffusion::Implicit => dt,
+        }
     }
 
     fn largest(&self, value: impl Fn(usize) -> f64 + Sync + Send) -> f64 {

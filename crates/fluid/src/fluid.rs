@@ -1,10 +1,11 @@
 //! The incompressible solver: one step is `predict`, then `project`.
 
 use crate::boundary::Boundary;
+use crate::mismatch::Mismatch;
 use crate::operators::Operators;
 use crate::predict::Momentum;
 use crate::project::Pressure;
-use crate::{FluidError, FluidSettings, Forcing};
+use crate::{DiffusionChoice, FluidError, FluidSettings, Forcing};
 use fibreflow_mesh::{DualGeometry, LocalMesh};
 use std::sync::Arc;
 
@@ -12,8 +13,9 @@ use std::sync::Arc;
 ///
 /// ∂u/∂t + ∇·(u u) = −∇p/ρ + ν∇²u + f/ρ, ∇·u = 0 (NUMERICS section 1; K 3.3), second order in space and time:
 ///
-/// 1. `predict`: three sub-steps of low-storage Runge–Kutta for convection and Crank–Nicolson for diffusion, with the
-///    pressure gradient of the last step, and a convecting flux extrapolated from the last two projected ones;
+/// 1. `predict`: three sub-steps of low-storage Runge–Kutta for convection and, where it is stable, diffusion, else with
+///    Crank–Nicolson for diffusion; with the pressure gradient of the last step, and a convecting flux extrapolated from
+///    the last two projected ones;
 /// 2. `project`: pair fluxes interpolated from the prediction, one compact Poisson equation for the pressure
 ///    increment, fluxes and velocity corrected.
 pub struct Fluid {
@@ -23,14 +25,19 @@ pub struct Fluid {
     pub(crate) boundary: Boundary,
     pub(crate) momentum: Momentum,
     pub(crate) poisson: Pressure,
+    pub(crate) mismatch: Mismatch,
     /// u \[m/s\], point values at nodes (x, y, z, 0); valid between steps.
     pub(crate) velocity: Vec<[f64; 4]>,
     /// p/ρ \[m²/s²\]; valid between steps.
     pub(crate) pressure: Vec<f64>,
     /// F_ij \[m³/s\] of every pair entry: solenoidal, F_ij = −F_ji.
     pub(crate) flux: Vec<f64>,
-    /// F of the step before.
-    pub(crate) flux_previous: Vec<f64>,
+    /// F of the step before; within a step F at its middle, then F of the step.
+    pub(crate) flux_other: Vec<f64>,
+    /// max ½ Σ_j |F_ij|/V_i over all nodes \[1/s\]: the Courant number of a step of 1 s.
+    pub(crate) flux_rate: f64,
+    /// Spectral bound of ν L \[1/s\], see [`DiffusionChoice`].
+    pub(crate) viscous_rate: f64,
     /// f \[N/m³\].
     pub(crate) body_force: Vec<[f64; 4]>,
     /// Uniform driving force −∇P \[Pa/m\] (x, y, z).
@@ -52,7 +59,9 @@ pub(crate) const START_CYCLES: usize = 30;
 /// What a step cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StepReport {
-    /// Conjugate-gradient iterations of the three viscous solves.
+    /// How diffusion was advanced, and why.
+    pub diffusion: DiffusionChoice,
+    /// Conjugate-gradient iterations of the three viscous solves, zero where diffusion was explicit.
     pub momentum_iterations: [usize; 3],
     /// Conjugate-gradient iterations of the pressure solve.
     pub poisson_iterations: usize,
@@ -73,14 +82,24 @@ impl Fluid {
         settings.check()?;
         let boundary = Boundary::new(&mesh, &geometry, &settings.boundary)?;
         let operators = Operators::new(&mesh, &geometry);
-        let (total, entries) = (mesh.total(), geometry.columns.len());
+        let (total, entries) = (mesh.total(), operators.flux_length());
+        let given = mesh.halo.communicator().any(!boundary.given.is_empty());
         let mut fluid = Self {
             momentum: Momentum::new(&mesh, &geometry, &boundary)?,
-            poisson: Pressure::new(&mesh, &geometry, &boundary, settings.preconditioner)?,
+            poisson: Pressure::new(
+                &mesh,
+                &geometry,
+                &operators,
+                &boundary,
+                settings.preconditioner,
+            )?,
+            mismatch: Mismatch::new(given, entries, mesh.owned(), total),
             velocity: vec![[0.0; 4]; total],
             pressure: vec![0.0; total],
             flux: vec![0.0; entries],
-            flux_previous: vec![0.0; entries],
+            flux_other: vec![0.0; entries],
+            flux_rate: 0.0,
+            viscous_rate: 0.0,
             body_force: vec![[0.0; 4]; total],
             driving: match settings.forcing {
                 Forcing::PressureGradient(gradient) => gradient,
@@ -95,6 +114,7 @@ impl Fluid {
             operators,
             boundary,
         };
+        fluid.viscous_rate = fluid.find_viscous_rate();
         fluid.set_velocity(|_| [0.0; 3])?;
         Ok(fluid)
     }
@@ -116,9 +136,9 @@ impl Fluid {
         self.impose_boundary();
         self.check_finite()?;
         self.project(0.0)?;
-        (0..START_CYCLES).for_each(|_| self.clean());
+        (0..START_CYCLES).for_each(|_| self.clean(0.0));
         self.project(0.0)?;
-        self.flux_previous.copy_from_slice(&self.flux);
+        self.flux_other.copy_from_slice(&self.flux);
         self.check_finite()
     }
 
@@ -150,11 +170,12 @@ impl Fluid {
     /// # Errors
     /// A solve that does not converge; a value that is not finite, with its field, node and position.
     pub fn advance(&mut self, dt: f64) -> Result<StepReport, FluidError> {
-        let momentum_iterations = self.predict(dt)?;
+        let prediction = self.predict(dt)?;
         let solve = self.project(dt)?;
         self.check_finite()?;
         Ok(StepReport {
-            momentum_iterations,
+            diffusion: prediction.diffusion,
+            momentum_iterations: prediction.iterations,
             poisson_iterations: solve.iterations,
             poisson_residual: [solve.initial_residual, solve.final_residual],
         })

@@ -1,12 +1,14 @@
 //! Incompressible finite-volume Navier–Stokes on node pairs: second order in space and time, skew-symmetric
-//! convection, implicit diffusion, incremental projection with solenoidal pair fluxes.
+//! convection, explicit or implicit diffusion, incremental projection with solenoidal pair fluxes.
 
 mod boundary;
 mod diagnostics;
+mod diffusion;
 mod error;
 mod fluid;
 pub mod initial;
 mod loads;
+mod mismatch;
 mod operators;
 mod polynomial;
 mod predict;
@@ -16,8 +18,10 @@ mod settings;
 mod state;
 
 pub use boundary::{BoundaryCondition, Signal, TimeTable, VelocityProfile};
+pub use diffusion::DiffusionChoice;
 pub use error::FluidError;
 pub use fluid::{Fluid, StepReport};
 pub use loads::PatchLoad;
-pub use settings::{FluidSettings, Forcing, PressurePreconditioner};
+pub use predict::Prediction;
+pub use settings::{Diffusion, FluidSettings, Forcing, PressurePreconditioner};
 pub use state::FluidState;

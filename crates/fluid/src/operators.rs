@@ -3,13 +3,16 @@
 //! | operator | formula, for node i over its pairs j |
 //! |---|---|
 //! | divergence | Σ_j F_ij + F_b,  F_ij = ½(u_i + u_j)·S_ij |
-//! | gradient | V_i G p_i = Σ_j ½(p_i + p_j) S_ij + p_i B_i = ½(Σ_j S_ij p_j + B_i p_i),  B_i the boundary area |
+//! | gradient | V_i G p_i = Σ_j ½(p_i + p_j) S_ij + p_i B_i = ½ Σ_j (p_j − p_i) S_ij, as Σ_j S_ij + B_i = 0 |
 //! | convection | C(F)u_i = Σ_j ½(u_i + u_j) F_ij + u_i F_b: uᵀC(F)u = ½ Σ |u|² F_b when ΣF = 0 |
 //! | Laplacian | V_i L u_i = Σ_j w_ij (u_j − u_i) |
 //!
-//! Every pair term is antisymmetric bitwise, so that what leaves one volume enters the other and Σ V_i G p_i = Σ B_i p_i.
+//! Pair fluxes are antisymmetric bitwise, so that what leaves one volume enters the other.
+//!
+//! The time scheme reaches pairs only through these methods. Each is one pass over the rows that hands its sums to
+//! `finish(i, …, &mut a[i], &mut b[i])`, which writes what the scheme needs of them: no sum is stored to be read again.
 
-use crate::rows;
+use crate::rows::{self, largest, nothing};
 use fibreflow_mesh::{DualGeometry, LocalMesh};
 use fibreflow_parallel::{Halo, Portable};
 use std::sync::Arc;
@@ -23,8 +26,8 @@ pub(crate) struct Operators {
     border: Vec<bool>,
     /// Diffusive weight w of every entry \[m\].
     weights: Vec<f64>,
-    /// Nodes on the boundary and their total area B \[m²\], ascending.
-    boundary: Vec<(u32, [f64; 3])>,
+    /// 1/V of the owned nodes \[1/m³\].
+    inverse_volumes: Vec<f64>,
 }
 
 impl Operators {
@@ -38,17 +41,15 @@ impl Operators {
         if !border.contains(&true) {
             border.clear();
         }
-        let shares = geometry.boundary.chunk_by(|a, b| a.node == b.node);
-        let area = |s: &[fibreflow_mesh::BoundaryNode]| {
-            let total = std::array::from_fn(|c| s.iter().map(|b| b.area[c]).sum());
-            (s[0].node, total)
-        };
         Self {
             geometry: Arc::clone(geometry),
             halo: mesh.halo.clone(),
             border,
             weights: geometry.faces.iter().map(|f| f[3]).collect(),
-            boundary: shares.map(area).collect(),
+            inverse_volumes: geometry.volumes[..owned]
+                .iter()
+                .map(|v| v.recip())
+                .collect(),
         }
     }
 
@@ -57,92 +58,81 @@ impl Operators {
         &self.geometry.volumes[..self.halo.owned()]
     }
 
+    /// 1/V of the owned nodes \[1/m³\].
+    pub fn inverse_volumes(&self) -> &[f64] {
+        &self.inverse_volumes
+    }
+
+    /// Length of a field of pair fluxes.
+    pub fn flux_length(&self) -> usize {
+        self.geometry.columns.len()
+    }
+
     /// Runs `kernel(field, row, a_row, b_row)` over all owned rows; those that need no halo run while it is brought up
-    /// to date.
+    /// to date. What the kernel returns is summed up.
     fn sweep<T: Portable, A: Send, B: Send>(
         &self,
         field: &mut [T],
         (a, b): (&mut [A], &mut [B]),
-        kernel: impl Fn(&[T], usize, &mut A, &mut B) + Sync,
-    ) {
+        kernel: impl Fn(&[T], usize, &mut A, &mut B) -> f64 + Sync,
+    ) -> f64 {
+        let mut total = 0.0;
         if self.border.is_empty() {
             self.halo.update_while(field, |f| {
-                rows::each_pair(a, b, |i, a, b| kernel(f, i, a, b));
+                total = rows::each_pair(a, b, rows::sum, |i, a, b| kernel(f, i, a, b));
             });
-            return;
+            return total;
         }
         let part = |f: &[T], a: &mut [A], b: &mut [B], wanted: bool| {
-            rows::each_pair(a, b, |i, a, b| {
+            rows::each_pair(a, b, rows::sum, |i, a, b| {
                 if self.border[i] == wanted {
-                    kernel(f, i, a, b);
+                    kernel(f, i, a, b)
+                } else {
+                    0.0
                 }
-            });
-        };
-        self.halo.update_while(field, |f| part(f, a, b, false));
-        part(field, a, b, true);
-    }
-
-    /// As [`Operators::sweep`], with `kernel` also writing the entries of its row.
-    fn sweep_entries<T: Portable, O: Send>(
-        &self,
-        field: &mut [T],
-        entries: &mut [f64],
-        out: &mut [O],
-        kernel: impl Fn(&[T], usize, &mut [f64], &mut O) + Sync,
-    ) {
-        let offsets = &self.geometry.offsets;
-        if self.border.is_empty() {
-            self.halo.update_while(field, |f| {
-                rows::with_entries(offsets, entries, out, |i, e, o| kernel(f, i, e, o));
-            });
-            return;
-        }
-        let part = |f: &[T], entries: &mut [f64], out: &mut [O], wanted: bool| {
-            rows::with_entries(offsets, entries, out, |i, e, o| {
-                if self.border[i] == wanted {
-                    kernel(f, i, e, o);
-                }
-            });
+            })
         };
         self.halo
-            .update_while(field, |f| part(f, entries, out, false));
-        part(field, entries, out, true);
+            .update_while(field, |f| total = part(f, a, b, false));
+        total + part(field, a, b, true)
     }
 
-    /// V G p of a scalar field (halo entries are brought up to date) \[field·m²\].
-    pub fn gradient(&self, p: &mut [f64], out: &mut [[f64; 4]]) {
-        // A vector of units takes no memory.
-        let mut nothing = vec![(); out.len()];
-        self.sweep(p, (out, &mut nothing), |p, i, out, ()| {
-            *out = self.gradient_row(p, i);
+    /// V G p of a scalar field (halo entries are brought up to date) \[field·m²\], handed with p_i to
+    /// `finish(i, p_i, ·, a_i, b_i)`.
+    pub fn gradient<A: Send, B: Send>(
+        &self,
+        p: &mut [f64],
+        out: (&mut [A], &mut [B]),
+        finish: impl Fn(usize, f64, [f64; 4], &mut A, &mut B) + Sync,
+    ) {
+        self.sweep(p, out, |p, i, a, b| {
+            finish(i, p[i], self.gradient_row(p, i), a, b);
+            0.0
         });
-        for &(i, area) in &self.boundary {
-            let half = 0.5 * p[i as usize];
-            let out = &mut out[i as usize];
-            (0..3).for_each(|c| out[c] += half * area[c]);
-        }
     }
 
-    /// ½ Σ_j S_ij p_j.
+    /// V G p of one row; `p` is valid.
     #[inline(always)]
-    fn gradient_row(&self, p: &[f64], i: usize) -> [f64; 4] {
+    pub fn gradient_row(&self, p: &[f64], i: usize) -> [f64; 4] {
         let range = self.geometry.row(i);
         let faces = &self.geometry.faces[range.clone()];
         let mut sum = [0.0; 4];
+        let own = p[i];
         for (&j, s) in self.geometry.columns[range].iter().zip(faces) {
-            let p = 0.5 * p[j as usize];
-            (0..3).for_each(|c| sum[c] += p * s[c]);
+            let step = 0.5 * (p[j as usize] - own);
+            (0..3).for_each(|c| sum[c] += step * s[c]);
         }
         sum
     }
 
-    /// −Σ_j ½(u_i + u_j) F_ij \[m⁴/s²\] and Σ_j w_ij (u_j − u_i) \[m²/s\], handed to `finish(i, ·, ·, a_i, b_i)`.
+    /// −Σ_j ½(u_i + u_j) F_ij \[m⁴/s²\] and Σ_j w_ij (u_j − u_i) \[m²/s\], handed with u_i to
+    /// `finish(i, u_i, ·, ·, a_i, b_i)`.
     pub fn convection_diffusion<A: Send, B: Send>(
         &self,
         flux: &[f64],
         u: &mut [[f64; 4]],
         out: (&mut [A], &mut [B]),
-        finish: impl Fn(usize, [f64; 4], [f64; 4], &mut A, &mut B) + Sync,
+        finish: impl Fn(usize, [f64; 4], [f64; 4], [f64; 4], &mut A, &mut B) + Sync,
     ) {
         self.sweep(u, out, |u, i, a, b| {
             let range = self.geometry.row(i);
@@ -157,7 +147,8 @@ impl Operators {
                     diffusion[c] += w * (other[c] - own[c]);
                 }
             }
-            finish(i, convection, diffusion, a, b);
+            finish(i, own, convection, diffusion, a, b);
+            0.0
         });
     }
 
@@ -174,75 +165,99 @@ impl Operators {
         sum
     }
 
-    /// Pair fluxes ½(u_i + u_j)·S_ij − w_ij (q_j − q_i) of a velocity and a valid scalar q;
-    /// `out_i` = (Σ_j F_ij, Σ_j |F_ij|).
-    pub fn interpolate_flux(
+    /// Σ_j w_ij (x_j − x_i) of a scalar, handed with x_i to `finish(i, x_i, ·, a_i)`.
+    pub fn laplacian<A: Send>(
+        &self,
+        x: &mut [f64],
+        out: &mut [A],
+        finish: impl Fn(usize, f64, f64, &mut A) + Sync,
+    ) {
+        let mut none = nothing(out.len());
+        self.sweep(x, (out, &mut none), |x, i, out, ()| {
+            let range = self.geometry.row(i);
+            let own = x[i];
+            let mut sum = 0.0;
+            for (&j, w) in self.geometry.columns[range.clone()]
+                .iter()
+                .zip(&self.weights[range])
+            {
+                sum += w * (x[j as usize] - own);
+            }
+            finish(i, own, sum, out);
+            0.0
+        });
+    }
+
+    /// Σ_j F*_ij of the interpolated fluxes ½(u_i + u_j)·S_ij \[m³/s\], handed to `finish(i, ·, a_i, b_i)`. Returns
+    /// Σ_i (Σ_j |F*_ij|)² over the owned rows: what round-off is measured against.
+    pub fn divergence<A: Send, B: Send>(
         &self,
         u: &mut [[f64; 4]],
-        q: &[f64],
-        flux: &mut [f64],
-        out: &mut [[f64; 2]],
-    ) {
+        out: (&mut [A], &mut [B]),
+        finish: impl Fn(usize, f64, &mut A, &mut B) + Sync,
+    ) -> f64 {
         let geometry = &*self.geometry;
-        self.sweep_entries(u, flux, out, |u, i, flux, out| {
-            let range = geometry.row(i);
-            let (columns, faces) = (&geometry.columns[range.clone()], &geometry.faces[range]);
-            let (own, level) = (u[i], q[i]);
-            *out = [0.0; 2];
-            for ((flux, &j), s) in flux.iter_mut().zip(columns).zip(faces) {
-                *flux = pair_flux(own, u[j as usize], level, q[j as usize], s);
-                out[0] += *flux;
-                out[1] += flux.abs();
-            }
-        });
-    }
-
-    /// Σ_j F_ij of the fluxes of [`Operators::interpolate_flux`] \[m³/s\].
-    pub fn divergence(&self, u: &mut [[f64; 4]], q: &[f64], out: &mut [f64]) {
-        let geometry = &*self.geometry;
-        let mut nothing = vec![(); out.len()];
-        self.sweep(u, (out, &mut nothing), |u, i, out, ()| {
+        self.sweep(u, out, |u, i, a, b| {
             let range = geometry.row(i);
             let entries = geometry.columns[range.clone()].iter();
-            let (own, level) = (u[i], q[i]);
-            *out = 0.0;
+            let own = u[i];
+            let (mut sum, mut size) = (0.0, 0.0);
             for (&j, s) in entries.zip(&geometry.faces[range]) {
-                *out += pair_flux(own, u[j as usize], level, q[j as usize], s);
+                let flux = interpolated(own, u[j as usize], s);
+                sum += flux;
+                size += flux.abs();
             }
-        });
+            finish(i, sum, a, b);
+            size * size
+        })
     }
 
-    /// F −= w (ψ_j − ψ_i) and `out` = V G ψ; ψ is valid.
-    pub fn correct(&self, psi: &[f64], flux: &mut [f64], out: &mut [[f64; 4]]) {
+    /// Writes the fluxes F_ij = ½(u_i + u_j)·S_ij − w_ij (ψ_j − ψ_i) and hands u_i, ψ_i and V G ψ to
+    /// `finish(i, u_i, ψ_i, ·, a_i, b_i)`; `u` and `psi` are valid. Returns max ½ Σ_j |F_ij|/V_i over the owned rows \[1/s\].
+    pub fn correct<A: Send, B: Send>(
+        &self,
+        u: &[[f64; 4]],
+        psi: &[f64],
+        flux: &mut [f64],
+        out: (&mut [A], &mut [B]),
+        finish: impl Fn(usize, [f64; 4], f64, [f64; 4], &mut A, &mut B) + Sync,
+    ) -> f64 {
         let geometry = &*self.geometry;
-        rows::with_entries(&geometry.offsets, flux, out, |i, flux, out| {
+        let inverse = &self.inverse_volumes;
+        rows::with_entries(&geometry.offsets, flux, out, largest, |i, flux, a, b| {
             let range = geometry.row(i);
             let (columns, faces) = (&geometry.columns[range.clone()], &geometry.faces[range]);
-            let own = psi[i];
-            *out = [0.0; 4];
+            let (own, level) = (u[i], psi[i]);
+            let (mut gradient, mut size) = ([0.0; 4], 0.0);
             for ((flux, &j), s) in flux.iter_mut().zip(columns).zip(faces) {
-                let other = psi[j as usize];
-                *flux -= s[3] * (other - own);
-                (0..3).for_each(|c| out[c] += 0.5 * other * s[c]);
+                let step = psi[j as usize] - level;
+                *flux = interpolated(own, u[j as usize], s) - s[3] * step;
+                size += flux.abs();
+                (0..3).for_each(|c| gradient[c] += 0.5 * step * s[c]);
             }
-        });
-        for &(i, area) in &self.boundary {
-            let half = 0.5 * psi[i as usize];
-            (0..3).for_each(|c| out[i as usize][c] += half * area[c]);
-        }
+            finish(i, own, level, gradient, a, b);
+            0.5 * size * inverse[i]
+        })
     }
 
     /// Σ_j F_ij of one row.
     pub fn flux_sum(&self, flux: &[f64], i: usize) -> f64 {
         flux[self.geometry.row(i)].iter().sum()
     }
+
+    /// Σ_j `value`(w_ij) of every owned row.
+    pub fn weight_sums(&self, value: impl Fn(f64) -> f64) -> Vec<f64> {
+        let row = |i| self.weights[self.geometry.row(i)].iter();
+        let sum = |i| row(i).map(|&w| value(w)).sum();
+        (0..self.halo.owned()).map(sum).collect()
+    }
 }
 
-/// ½(u_i + u_j)·S_ij − w_ij (q_j − q_i), antisymmetric bitwise.
+/// ½(u_i + u_j)·S_ij, antisymmetric bitwise.
 #[inline(always)]
-fn pair_flux(u: [f64; 4], v: [f64; 4], q: f64, r: f64, s: &[f64; 4]) -> f64 {
+fn interpolated(u: [f64; 4], v: [f64; 4], s: &[f64; 4]) -> f64 {
     let x = (u[0] + v[0]) * s[0];
     let y = (u[1] + v[1]) * s[1];
     let z = (u[2] + v[2]) * s[2];
-    0.5 * (x + y + z) - s[3] * (r - q)
+    0.5 * (x + y + z)
 }

@@ -1,77 +1,77 @@
 //! An approximate inverse of the pressure operator that is the same on any number of ranks.
 
-use crate::rows;
-use fibreflow_mesh::DualGeometry;
-use fibreflow_parallel::block_max;
-use fibreflow_solve::PairMatrix;
+use crate::operators::Operators;
+use crate::rows::{self, largest};
+use fibreflow_mesh::LocalMesh;
 
 /// Chebyshev polynomial in D⁻¹A for the upper part of its spectrum: short waves. Without sums over nodes and without
 /// aggregates it gives the same bits on any number of ranks, which a multigrid cycle does not.
+///
+/// x_(k+1) = x_k + ρ_(k+1) ρ_k (x_k − x_(k−1)) + (2 ρ_(k+1)/δ) D⁻¹(b − A x_k), one pass each; δ is half the width of the
+/// part of the spectrum that is inverted (Saad 2003, algorithm 12.1).
 #[derive(Clone, Debug)]
 pub(crate) struct Polynomial {
-    /// Bound of the spectrum of D⁻¹A.
-    upper: f64,
-    /// Owned: 1/D, and the residual.
+    middle: f64,
+    half: f64,
+    /// Owned: 1/D, zero where the pressure is given.
     inverse: Vec<f64>,
-    residual: Vec<f64>,
-    /// Total: the newest increment; owned: A times it.
-    increment: Vec<f64>,
-    image: Vec<f64>,
+    /// Owned: b.
+    pub rhs: Vec<f64>,
+    /// Total: x_k and x_(k−1).
+    pub x: Vec<f64>,
+    before: Vec<f64>,
 }
 
 impl Polynomial {
-    /// Products with A, and the part of the spectrum that is inverted: from upper/REACH on.
+    /// Products with A plus one, and the part of the spectrum that is inverted: from its upper end over REACH on.
     const DEGREE: usize = 4;
     const REACH: f64 = 10.0;
 
-    /// Collective.
-    pub fn new(matrix: &PairMatrix, geometry: &DualGeometry) -> Self {
-        let (owned, total) = (matrix.owned(), matrix.halo().total());
-        let diagonal = matrix.diagonal();
+    /// `fixed` marks nodes of given pressure. Collective.
+    pub fn new(mesh: &LocalMesh, operators: &Operators, fixed: &[bool]) -> Self {
+        let diagonal = operators.weight_sums(|w| w);
+        let sizes = operators.weight_sums(f64::abs);
         // Gershgorin: 1 + Σ|w|/d on free rows, 2 when no weight is negative.
-        let bound = |i: usize| {
-            let weights = geometry.faces[geometry.row(i)].iter().map(|s| s[3].abs());
-            if matrix.fixed()[i] {
-                1.0
-            } else {
-                1.0 + weights.sum::<f64>() / diagonal[i]
-            }
-        };
-        let local = block_max(owned, |range| range.map(bound).fold(1.0, f64::max));
+        let bounds = diagonal.iter().zip(&sizes).zip(fixed);
+        let bound = bounds.map(|((d, size), &fixed)| if fixed { 1.0 } else { 1.0 + size / d });
+        let upper = mesh.halo.communicator().max(bound.fold(1.0, largest));
+        let lower = upper / Self::REACH;
+        let rows = diagonal.iter().zip(fixed);
         Self {
-            upper: matrix.halo().communicator().max(local),
-            inverse: diagonal.iter().map(|d| d.recip()).collect(),
-            residual: vec![0.0; owned],
-            increment: vec![0.0; total],
-            image: vec![0.0; owned],
+            middle: 0.5 * (upper + lower),
+            half: 0.5 * (upper - lower),
+            inverse: rows
+                .map(|(d, &fixed)| if fixed { 0.0 } else { d.recip() })
+                .collect(),
+            rhs: vec![0.0; mesh.owned()],
+            x: vec![0.0; mesh.total()],
+            before: vec![0.0; mesh.total()],
         }
     }
 
-    /// x ≈ A⁻¹ rhs on owned entries, with error 1/T_DEGREE on the part that is inverted. Collective.
-    pub fn apply(&mut self, matrix: &PairMatrix, rhs: &[f64], x: &mut [f64]) {
-        let lower = self.upper / Self::REACH;
-        let (middle, half) = (0.5 * (self.upper + lower), 0.5 * (self.upper - lower));
-        let (inverse, residual, increment) =
-            (&self.inverse, &mut self.residual, &mut self.increment);
-        let owned = residual.len();
-        residual.copy_from_slice(rhs);
-        rows::each(&mut increment[..owned], |i, d| {
-            *d = inverse[i] * rhs[i] / middle;
-        });
-        x[..owned].copy_from_slice(&increment[..owned]);
-        let mut ratio = half / middle;
-        for _ in 1..Self::DEGREE {
-            matrix.multiply(increment, &mut self.image);
-            let next = 1.0 / (2.0 * middle / half - ratio);
-            let (keep, add) = (next * ratio, 2.0 * next / half);
-            let image = &self.image;
-            rows::each_pair(residual, &mut increment[..owned], |i, r, d| {
-                *r -= image[i];
-                *d = keep * *d + add * inverse[i] * *r;
+    /// x ≈ A⁻¹ b on owned entries, with error 1/T_DEGREE on the part that is inverted. Collective.
+    pub fn apply(&mut self, operators: &Operators) {
+        let Self {
+            middle,
+            half,
+            inverse,
+            rhs,
+            x,
+            before,
+        } = self;
+        let owned = rhs.len();
+        let first = middle.recip();
+        rows::each(&mut x[..owned], |i, x| *x = first * inverse[i] * rhs[i]);
+        let mut ratio = *half / *middle;
+        for k in 1..Self::DEGREE {
+            let next = 1.0 / (2.0 * *middle / *half - ratio);
+            let (keep, add) = (next * ratio, 2.0 * next / *half);
+            operators.laplacian(x, &mut before[..owned], |i, own, laplacian, before| {
+                let old = if k == 1 { 0.0 } else { *before };
+                *before = own + keep * (own - old) + add * inverse[i] * (rhs[i] + laplacian);
             });
+            std::mem::swap(x, before);
             ratio = next;
-            let increment = &*increment;
-            rows::each(&mut x[..owned], |i, x| *x += increment[i]);
         }
     }
 }

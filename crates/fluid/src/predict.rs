@@ -1,13 +1,18 @@
 //! First half of a step: the momentum equation with the old pressure gradient.
 //!
-//! u^k = u^(k−1) + Δt [γ_k H(u^(k−1)) + ζ_k H(u^(k−2)) + α_k (f/ρ + g − G p)] + ½ α_k Δt ν L (u^(k−1) + u^k), k = 1, 2, 3
+//! | diffusion | sub-step k = 1, 2, 3 |
+//! |---|---|
+//! | explicit | u^k = u^(k−1) + Δt [γ_k H(u^(k−1)) + ζ_k H(u^(k−2)) + α_k (f/ρ + g − G p)],  H(u) = −C(F)u/V + ν L u |
+//! | implicit | the same with H(u) = −C(F)u/V, and + ½ α_k Δt ν L (u^(k−1) + u^k) |
 //!
-//! with V H(u) = −C(F)u. The convecting flux F is frozen at the middle of the step, extrapolated from the last two
-//! projected fluxes: it is solenoidal, so the operator is skew-symmetric in every sub-step and the Runge–Kutta scheme
-//! can only damp kinetic energy (for |λΔt| < √3). A steady state does not depend on Δt: the increments vanish together.
+//! The convecting flux F is frozen at the middle of the step, extrapolated from the last two projected fluxes: it is
+//! solenoidal, so the operator is skew-symmetric in every sub-step and the Runge–Kutta scheme can only damp kinetic energy
+//! below its stability limit. A steady state does not depend on Δt: the increments vanish together.
 
 use crate::boundary::{Boundary, Through};
-use crate::{Fluid, FluidError, rows};
+use crate::diffusion::DiffusionChoice;
+use crate::rows::{self, nothing};
+use crate::{Fluid, FluidError};
 use fibreflow_mesh::{DualGeometry, LocalMesh};
 use fibreflow_parallel::block_sums;
 use fibreflow_solve::{CgSettings, ConjugateGradients, Helmholtz, Jacobi, NullSpace, PairMatrix};
@@ -15,21 +20,21 @@ use fibreflow_solve::{CgSettings, ConjugateGradients, Helmholtz, Jacobi, NullSpa
 mod operator;
 use operator::Confined;
 
-/// Weights of the newest and of the older convective increment, and their sum (Spalart, Moser & Rogers 1991).
-const SUB_STEPS: [SubStep; 3] = [
+/// Weights of the newest and of the older rate of change, and their sum (Spalart, Moser & Rogers 1991).
+pub(crate) const SUB_STEPS: [SubStep; 3] = [
     SubStep::new(8.0 / 15.0, 0.0),
     SubStep::new(5.0 / 12.0, -17.0 / 60.0),
     SubStep::new(3.0 / 4.0, -5.0 / 12.0),
 ];
 
 /// Time passed at the end of each sub-step, by Δt.
-const PASSED: [f64; 3] = [8.0 / 15.0, 2.0 / 3.0, 1.0];
+pub(crate) const PASSED: [f64; 3] = [8.0 / 15.0, 2.0 / 3.0, 1.0];
 
 #[derive(Clone, Copy)]
 pub(crate) struct SubStep {
     gamma: f64,
     zeta: f64,
-    alpha: f64,
+    pub alpha: f64,
 }
 
 impl SubStep {
@@ -50,15 +55,14 @@ pub(crate) struct Momentum {
     matrix: PairMatrix,
     jacobi: Jacobi,
     krylov: ConjugateGradients<[f64; 4]>,
-    /// F at the middle of the step, by pair entry \[m³/s\].
-    convecting: Vec<f64>,
     /// Owned: V (f/ρ + g − G p) \[m⁴/s²\].
     pub(crate) source: Vec<[f64; 4]>,
-    /// Owned: −C(F)u of the newest sub-step \[m⁴/s²\].
-    convection: Vec<[f64; 4]>,
-    /// Owned: explicit part of V (u^k − u^(k−1)) \[m⁴/s\].
-    pub(crate) rhs: Vec<[f64; 4]>,
-    /// Total: u^k − u^(k−1) \[m/s\].
+    /// Owned: V H(u) of the newest sub-step \[m⁴/s²\].
+    rate: Vec<[f64; 4]>,
+    /// Total: u of the sub-step to come \[m/s\]; where diffusion is implicit, owned: the explicit part of
+    /// V (u^k − u^(k−1)) \[m⁴/s\].
+    pub(crate) next: Vec<[f64; 4]>,
+    /// Total: u^k − u^(k−1) where diffusion is implicit \[m/s\].
     pub(crate) increment: Vec<[f64; 4]>,
 }
 
@@ -75,58 +79,58 @@ impl Momentum {
                     source,
                 }
             })?;
-        let owned = vec![[0.0; 4]; mesh.owned()];
+        let (owned, total) = (vec![[0.0; 4]; mesh.owned()], vec![[0.0; 4]; mesh.total()]);
         Ok(Self {
             jacobi: Jacobi::new(&matrix),
             matrix,
             krylov: ConjugateGradients::new(),
-            convecting: vec![0.0; geometry.columns.len()],
             source: owned.clone(),
-            convection: owned.clone(),
-            rhs: owned,
-            increment: vec![[0.0; 4]; mesh.total()],
+            rate: owned,
+            next: total.clone(),
+            increment: total,
         })
     }
 }
 
 impl Fluid {
-    /// First half of a step: velocity from momentum with the pressure of the last step; not solenoidal. Returns the
-    /// iterations of the three viscous solves. Collective.
+    /// First half of a step: velocity from momentum with the pressure of the last step; not solenoidal. Collective.
     ///
     /// # Errors
     /// A step size that is not positive and finite, or a viscous solve that fails.
-    pub fn predict(&mut self, dt: f64) -> Result<[usize; 3], FluidError> {
+    pub fn predict(&mut self, dt: f64) -> Result<Prediction, FluidError> {
         if !(dt > 0.0 && dt.is_finite()) {
             return Err(FluidError::TimeStep(dt));
         }
+        let diffusion = self.choose_diffusion(dt);
         self.extrapolate_flux(dt);
         if self.steps == 0 {
             self.start_pressure(dt)?;
         }
         self.gather_sources();
         self.reaction.fill([0.0; 4]);
-        let settings = self.viscous_tolerance();
+        let settings = self.viscous_tolerance(&diffusion);
         let mut iterations = [0; 3];
-        for (k, (sub_step, iterations)) in SUB_STEPS.iter().zip(&mut iterations).enumerate() {
-            self.explicit(sub_step, dt);
-            self.move_boundary(PASSED[k] * dt);
-            *iterations = self.implicit(sub_step, dt, &settings)?;
+        for (k, iterations) in iterations.iter_mut().enumerate() {
+            *iterations = self.sub_step(k, dt, &diffusion, &settings)?;
         }
         self.hold_bulk_velocity(dt);
         self.end_boundary(dt)?;
-        Ok(iterations)
+        Ok(Prediction {
+            diffusion,
+            iterations,
+        })
     }
 
-    /// F(t + ½Δt) = F + ½ (Δt/Δt') (F − F').
+    /// F(t + ½Δt) = F + ½ (Δt/Δt') (F − F'), in the place of F'.
     fn extrapolate_flux(&mut self, dt: f64) {
         let ahead = if self.last_dt > 0.0 {
             0.5 * dt / self.last_dt
         } else {
             0.0
         };
-        let (new, old) = (&self.flux, &self.flux_previous);
-        rows::each(&mut self.momentum.convecting, |e, flux| {
-            *flux = new[e] + ahead * (new[e] - old[e]);
+        let new = &self.flux;
+        rows::each(&mut self.flux_other, |e, flux| {
+            *flux = new[e] + ahead * (new[e] - *flux);
         });
         self.boundary.begin_step(ahead);
     }
@@ -134,60 +138,155 @@ impl Fluid {
     /// V (f/ρ + g − G p).
     pub(crate) fn gather_sources(&mut self) {
         let volumes = self.operators.volumes();
-        let source = &mut self.momentum.source;
-        self.operators.gradient(&mut self.pressure, source);
         let per_mass = 1.0 / self.settings.density;
         let [x, y, z] = self.driving;
         let (driving, body_force) = ([x, y, z, 0.0], &self.body_force);
-        rows::each(source, |i, source| {
-            for c in 0..3 {
-                let force = per_mass * (body_force[i][c] + driving[c]);
-                source[c] = volumes[i] * force - source[c];
-            }
-        });
-    }
-
-    /// Explicit part of the increment into `momentum.rhs`; what constraints take out goes to `reaction`.
-    pub(crate) fn explicit(&mut self, step: &SubStep, dt: f64) {
-        let Momentum {
-            convecting,
-            source,
-            convection,
-            rhs,
-            ..
-        } = &mut self.momentum;
-        let diffusive = step.alpha * dt * self.settings.kinematic_viscosity();
-        let (gamma, zeta, alpha) = (dt * step.gamma, dt * step.zeta, dt * step.alpha);
-        let through = &self.boundary.through;
-        let velocity = &mut self.velocity;
-        self.operators.convection_diffusion(
-            convecting,
-            velocity,
-            (convection, rhs),
-            |i, convected, diffused, convection, rhs| {
-                for c in 0..4 {
-                    rhs[c] = gamma * convected[c]
-                        + zeta * convection[c]
-                        + alpha * source[i][c]
-                        + diffusive * diffused[c];
+        let source = &mut self.momentum.source;
+        let mut none = nothing(source.len());
+        self.operators.gradient(
+            &mut self.pressure,
+            (source, &mut none),
+            |i, _, gradient, source, ()| {
+                let mass = per_mass * volumes[i];
+                for c in 0..3 {
+                    source[c] = mass * (body_force[i][c] + driving[c]) - gradient[c];
                 }
-                *convection = convected;
             },
         );
-        for &(i, through) in through {
+    }
+
+    /// Velocity at the end of sub-step `k`; iterations of the viscous solve.
+    fn sub_step(
+        &mut self,
+        k: usize,
+        dt: f64,
+        diffusion: &DiffusionChoice,
+        settings: &CgSettings,
+    ) -> Result<usize, FluidError> {
+        let (step, passed) = (&SUB_STEPS[k], PASSED[k] * dt);
+        if diffusion.implicit {
+            self.explicit_part(step, dt);
+            self.move_boundary(passed);
+            self.implicit_part(step, dt, settings)
+        } else {
+            self.explicit_sub_step(step, dt, passed);
+            Ok(0)
+        }
+    }
+
+    /// Given velocities `passed` \[s\] after the start of the step; implicit diffusion sees them in the sub-step.
+    fn move_boundary(&mut self, passed: f64) {
+        if self.boundary.moves {
+            self.boundary.move_to(self.time + passed);
+        }
+    }
+
+    /// Given fluxes at the end of the step, outlet pressures in its middle.
+    fn end_boundary(&mut self, dt: f64) -> Result<(), FluidError> {
+        if self.boundary.moves {
+            self.boundary.balance()?;
+        }
+        if self.boundary.pulses {
+            self.boundary.pulse_to(self.time + 0.5 * dt);
+        }
+        Ok(())
+    }
+
+    /// A sub-step with explicit diffusion, in one pass.
+    fn explicit_sub_step(&mut self, step: &SubStep, dt: f64, passed: f64) {
+        let nu = self.settings.kinematic_viscosity();
+        let (gamma, zeta, alpha) = (dt * step.gamma, dt * step.zeta, dt * step.alpha);
+        let Momentum {
+            source, rate, next, ..
+        } = &mut self.momentum;
+        let (source, inverse) = (&*source, self.operators.inverse_volumes());
+        self.operators.convection_diffusion(
+            &self.flux_other,
+            &mut self.velocity,
+            (&mut rate[..], &mut next[..inverse.len()]),
+            |i, own, convected, diffused, rate, next| {
+                for c in 0..4 {
+                    let new = convected[c] + nu * diffused[c];
+                    let impulse = gamma * new + zeta * rate[c] + alpha * source[i][c];
+                    next[c] = own[c] + inverse[i] * impulse;
+                    rate[c] = new;
+                }
+            },
+        );
+        self.flow_through(gamma, true);
+        self.move_boundary(passed);
+        self.confine_sub_step();
+        std::mem::swap(&mut self.velocity, &mut self.momentum.next);
+    }
+
+    /// Puts into the velocity of the next sub-step what constraints leave of its increment, or what boundaries give.
+    fn confine_sub_step(&mut self) {
+        let (velocity, next) = (&self.velocity, &mut self.momentum.next);
+        // Given nodes are among the constrained ones, in the same order.
+        let mut shifts = self.boundary.shift.iter();
+        for (constraint, reaction) in self.boundary.constraints.iter().zip(&mut self.reaction) {
+            let i = constraint.node as usize;
+            let volume = self.operators.volumes()[i];
+            let (own, next) = (velocity[i], &mut next[i]);
+            let step: [f64; 4] = std::array::from_fn(|c| next[c] - own[c]);
+            let mut admitted = constraint.admit(step);
+            if self.boundary.velocity_fixed[i] && self.boundary.moves {
+                admitted = shifts.next().copied().unwrap_or_default();
+            }
+            for c in 0..3 {
+                reaction[c] += volume * (step[c] - admitted[c]);
+                next[c] = own[c] + admitted[c];
+            }
+        }
+    }
+
+    /// Momentum that the flow carries through boundaries, added to `rate` and, times Δt γ, to `next`, a velocity or
+    /// an impulse.
+    fn flow_through(&mut self, gamma: f64, velocity: bool) {
+        let Momentum { rate, next, .. } = &mut self.momentum;
+        for &(i, through) in &self.boundary.through {
             let i = i as usize;
+            let inverse = self.operators.inverse_volumes()[i];
+            let scale = if velocity { inverse } else { 1.0 };
             let flux = match through {
                 Through::Given(flux) => flux.convecting,
-                Through::Open => -self.operators.flux_sum(convecting, i),
+                Through::Open => -self.operators.flux_sum(&self.flux_other, i),
             };
             // Backflow through an outlet would bring in ½ u² F_b: that much is taken away.
             let flux = flux - 0.5 * flux.min(0.0);
             for c in 0..3 {
-                let convected = -velocity[i][c] * flux;
-                convection[i][c] += convected;
-                rhs[i][c] += gamma * convected;
+                let convected = -self.velocity[i][c] * flux;
+                rate[i][c] += convected;
+                next[i][c] += scale * gamma * convected;
             }
         }
+    }
+
+    /// Explicit part of the increment where diffusion is implicit, into `momentum.next`; what constraints take out goes
+    /// to `reaction`.
+    pub(crate) fn explicit_part(&mut self, step: &SubStep, dt: f64) {
+        let diffusive = step.alpha * dt * self.settings.kinematic_viscosity();
+        let (gamma, zeta, alpha) = (dt * step.gamma, dt * step.zeta, dt * step.alpha);
+        let Momentum {
+            source, rate, next, ..
+        } = &mut self.momentum;
+        let source = &*source;
+        self.operators.convection_diffusion(
+            &self.flux_other,
+            &mut self.velocity,
+            (&mut rate[..], &mut next[..source.len()]),
+            |i, _, convected, diffused, rate, rhs| {
+                for c in 0..4 {
+                    rhs[c] = gamma * convected[c]
+                        + zeta * rate[c]
+                        + alpha * source[i][c]
+                        + diffusive * diffused[c];
+                }
+                *rate = convected;
+            },
+        );
+        self.flow_through(gamma, false);
+        let rhs = &mut self.momentum.next;
         for (constraint, reaction) in self.boundary.constraints.iter().zip(&mut self.reaction) {
             let rhs = &mut rhs[constraint.node as usize];
             let admitted = constraint.admit(*rhs);
@@ -197,7 +296,7 @@ impl Fluid {
     }
 
     /// Solves (V − ½ α Δt ν V L) δ = rhs and adds δ to the velocity (owned entries).
-    fn implicit(
+    fn implicit_part(
         &mut self,
         step: &SubStep,
         dt: f64,
@@ -209,61 +308,45 @@ impl Fluid {
             matrix,
             jacobi,
             krylov,
-            rhs,
+            next,
             increment,
             ..
         } = &mut self.momentum;
-        let mut iterations = 0;
+        let helmholtz = Helmholtz {
+            matrix,
+            mass: volumes,
+            coefficient,
+        };
+        let rhs = &mut next[..volumes.len()];
         let moves = self.boundary.moves;
-        if coefficient > 0.0 {
-            let helmholtz = Helmholtz {
-                matrix,
-                mass: volumes,
-                coefficient,
-            };
-            if moves {
-                increment.fill([0.0; 4]);
-                self.boundary.put_shift(increment);
-                self.mesh.halo.update(increment);
-                helmholtz.lift(increment, rhs);
-                self.boundary.put_zero(rhs);
-            }
-            jacobi.update(helmholtz.diagonal());
-            let operator = Confined {
-                helmholtz,
-                constraints: &self.boundary.constraints,
-            };
-            increment.fill([0.0; 4]);
-            let solve = krylov.solve(&operator, jacobi, rhs, increment, settings, NullSpace::None);
-            iterations = solve
-                .map_err(|source| self.solve_failed("momentum", source))?
-                .iterations;
-            if moves {
-                let increment = &mut self.momentum.increment;
-                self.boundary.put_shift(increment);
-                self.mesh.halo.update(increment);
-            }
-            self.close_balance(coefficient);
-        } else {
-            rows::each(&mut increment[..rhs.len()], |i, increment| {
-                *increment = rhs[i].map(|r| r / volumes[i]);
-            });
+        increment.fill([0.0; 4]);
+        if moves {
             self.boundary.put_shift(increment);
+            self.mesh.halo.update(increment);
+            helmholtz.lift(increment, rhs);
+            self.boundary.put_zero(rhs);
+            increment.fill([0.0; 4]);
         }
+        jacobi.update(helmholtz.diagonal());
+        let operator = Confined {
+            helmholtz,
+            constraints: &self.boundary.constraints,
+        };
+        let solve = krylov.solve(&operator, jacobi, rhs, increment, settings, NullSpace::None);
+        let solve = solve.map_err(|source| self.solve_failed("momentum", source))?;
+        if moves {
+            let increment = &mut self.momentum.increment;
+            self.boundary.put_shift(increment);
+            self.mesh.halo.update(increment);
+        }
+        self.close_balance(coefficient);
         self.book_shift();
         let increment = &self.momentum.increment;
         let owned = self.mesh.owned();
         rows::each(&mut self.velocity[..owned], |i, u| {
             (0..3).for_each(|c| u[c] += increment[i][c]);
         });
-        Ok(iterations)
-    }
-
-    /// Given velocities `passed` \[s\] after the start of the step; implicit diffusion sees them in the sub-step.
-    fn move_boundary(&mut self, passed: f64) {
-        if self.boundary.moves {
-            self.boundary.move_to(self.time + passed);
-        }
+        Ok(solve.iterations)
     }
 
     /// Momentum that boundaries gave to nodes whose velocity they changed.
@@ -280,17 +363,6 @@ impl Fluid {
         }
     }
 
-    /// Given fluxes at the end of the step, outlet pressures in its middle.
-    fn end_boundary(&mut self, dt: f64) -> Result<(), FluidError> {
-        if self.boundary.moves {
-            self.boundary.balance()?;
-        }
-        if self.boundary.pulses {
-            self.boundary.pulse_to(self.time + 0.5 * dt);
-        }
-        Ok(())
-    }
-
     /// Momentum that the implicit part of diffusion gave to constrained nodes; without any, the mean of the increment
     /// is set to what was put in, so that momentum does not depend on the tolerance of the solve.
     fn close_balance(&mut self, coefficient: f64) {
@@ -304,8 +376,8 @@ impl Fluid {
         if !self.boundary.unconstrained {
             return;
         }
-        let (rhs, volumes) = (&self.momentum.rhs, self.operators.volumes());
-        let mut missing = block_sums::<3>(rhs.len(), |range| {
+        let (rhs, volumes) = (&self.momentum.next, self.operators.volumes());
+        let mut missing = block_sums::<3>(volumes.len(), |range| {
             range.fold([0.0; 3], |s, i| {
                 std::array::from_fn(|c| s[c] + (rhs[i][c] - volumes[i] * increment[i][c]))
             })
@@ -318,7 +390,7 @@ impl Fluid {
     }
 
     /// Adds the uniform velocity that brings the mean to its target, and learns the driving force from it.
-    fn hold_bulk_velocity(&mut self, dt: f64) {
+    pub(crate) fn hold_bulk_velocity(&mut self, dt: f64) {
         let Some((direction, target)) = self.settings.forcing.controlled() else {
             return;
         };
@@ -355,7 +427,10 @@ impl Fluid {
     }
 
     /// Relative tolerance as set; absolute where the increment is round-off of the velocity itself.
-    fn viscous_tolerance(&self) -> CgSettings {
+    pub(crate) fn viscous_tolerance(&self, diffusion: &DiffusionChoice) -> CgSettings {
+        if !diffusion.implicit {
+            return self.settings.momentum;
+        }
         let (velocity, volumes) = (&self.velocity, self.operators.volumes());
         let [sum] = block_sums(volumes.len(), |range| {
             let square = |i: usize| {
@@ -371,4 +446,13 @@ impl Fluid {
             ..settings
         }
     }
+}
+
+/// What the first half of a step did.
+#[derive(Clone, Copy, Debug)]
+pub struct Prediction {
+    /// How diffusion was advanced.
+    pub diffusion: DiffusionChoice,
+    /// Conjugate-gradient iterations of the viscous solves.
+    pub iterations: [usize; 3],
 }

@@ -1,35 +1,27 @@
 //! Second half of a step: solenoidal fluxes by one compact Poisson equation for the pressure increment.
 //!
-//! F* = ½(u_i* + u_j*)·S_ij − w_ij (q_j − q_i),  Σ_j w_ij (ψ_j − ψ_i) = Σ_j F*_ij + F_b,  ψ = Δt (p^(n+½) − p^(n−½)),
+//! F* = ½(u_i* + u_j*)·S_ij,  Σ_j w_ij (ψ_j − ψ_i) = Σ_j F*_ij + F_b,  ψ = Δt (p^(n+½) − p^(n−½)),
 //! F = F* − w (ψ_j − ψ_i),  u = u* − P G ψ.
 //!
 //! The projection is approximate: D u keeps (L − DG)ψ. Left alone, that residue runs as slow waves between the velocity
 //! and short-wave pressure (frequency √g a step and damping g/2, for the eigenvalue g of L⁻¹DG). So
 //! `cleaning_cycles` short-wave inverses M⁻¹ of the rest r of the nodal divergence follow, u −= P G M⁻¹ r and
 //! p += M⁻¹ r/Δt: two of them halve the loss of inviscid energy and lift its order in Δt on tetrahedra from 1.9 to 2.2
-//! (16³, Courant numbers 0.5 to 0.125, ε = 0). M⁻¹ is a polynomial, not the preconditioner: what goes into the solution
+//! (16³, Courant numbers 0.5 to 0.125). M⁻¹ is a polynomial, not the preconditioner: what goes into the solution
 //! must not depend on the number of ranks.
-//!
-//! Boundary velocities may have a part of D u that no nodal velocity can balance (the corners of a driven cavity), which
-//! would add the same chequerboard to the pressure in every step. A little of the mismatch between the two gradients of
-//! the old pressure is therefore left in the fluxes (after Rhie & Chow 1983): F* gets τ [½(Gp_i + Gp_j)·S_ij −
-//! w_ij (p_j − p_i)], zero for linear pressure on every mesh, with τ = ε Δt and ε at most 0.015 and of first order in Δt.
-//! A cavity then comes to a steady state with bounded pressure, which it does not at ε = 0.
 
 use crate::boundary::{Boundary, GivenFlux, Through};
 use crate::fluid::START_CYCLES;
+use crate::operators::Operators;
 use crate::polynomial::Polynomial;
 use crate::predict::SubStep;
-use crate::{Fluid, FluidError, PressurePreconditioner, rows};
+use crate::rows::{self, nothing};
+use crate::{Fluid, FluidError, PressurePreconditioner};
 use fibreflow_mesh::{DualGeometry, LocalMesh};
-use fibreflow_parallel::block_sums;
 use fibreflow_solve::{
     Amg, AmgSettings, CgSettings, ConjugateGradients, Jacobi, NullSpace, PairMatrix,
     Preconditioner, SolveError, SolveReport,
 };
-
-/// Largest ε.
-const MISMATCH_SHARE: f64 = 0.015;
 
 /// What the pressure equation needs besides the flow.
 pub(crate) struct Pressure {
@@ -42,12 +34,6 @@ pub(crate) struct Pressure {
     psi: Vec<f64>,
     /// Owned: minus the divergence of F* \[m³/s\].
     rhs: Vec<f64>,
-    /// Owned: (Σ F*, Σ |F*|), then V G ψ in the second half.
-    sums: Vec<[f64; 2]>,
-    gradient: Vec<[f64; 4]>,
-    /// Total: τ p, and owned: τ G p \[m²/s, m/s\].
-    q: Vec<f64>,
-    bias: Vec<[f64; 4]>,
     /// Owned: ψ/Δt² of the last step and of the one before, for the initial guess.
     pub(crate) rates: [Vec<f64>; 2],
 }
@@ -56,6 +42,7 @@ impl Pressure {
     pub fn new(
         mesh: &LocalMesh,
         geometry: &DualGeometry,
+        operators: &Operators,
         boundary: &Boundary,
         preconditioner: PressurePreconditioner,
     ) -> Result<Self, FluidError> {
@@ -78,16 +65,12 @@ impl Pressure {
                 }
                 PressurePreconditioner::Jacobi => Box::new(Jacobi::new(&matrix)),
             },
-            polynomial: Polynomial::new(&matrix, geometry),
+            polynomial: Polynomial::new(mesh, operators, &boundary.pressure_fixed),
             matrix,
             krylov: ConjugateGradients::new(),
             null_space,
             psi: vec![0.0; mesh.total()],
             rhs: owned.clone(),
-            sums: vec![[0.0; 2]; mesh.owned()],
-            gradient: vec![[0.0; 4]; mesh.owned()],
-            q: vec![0.0; mesh.total()],
-            bias: vec![[0.0; 4]; mesh.owned()],
             rates: [owned.clone(), owned],
         })
     }
@@ -131,8 +114,7 @@ impl Fluid {
     /// # Errors
     /// A pressure solve that fails.
     pub fn project(&mut self, dt: f64) -> Result<SolveReport, FluidError> {
-        std::mem::swap(&mut self.flux, &mut self.flux_previous);
-        self.add_mismatch(dt);
+        self.find_mismatch(dt);
         let settings = self.predicted_divergence();
         self.poisson.guess(dt);
         let pulses = self.boundary.pulses && dt > 0.0;
@@ -144,54 +126,31 @@ impl Fluid {
         if pulses {
             self.put_outlets(dt);
         }
-        self.correct();
+        self.correct(dt);
         if dt > 0.0 {
             self.poisson.remember(dt);
-            Self::raise(&self.poisson.psi, dt, &mut self.pressure);
-            for _ in 0..self.settings.cleaning_cycles {
-                self.clean();
-                Self::raise(&self.poisson.psi, dt, &mut self.pressure);
-            }
+            (0..self.settings.cleaning_cycles).for_each(|_| self.clean(dt));
             self.time += dt;
             self.last_dt = dt;
             self.steps += 1;
         }
-        self.remove_mismatch();
+        self.impose_boundary();
         self.mesh.halo.update(&mut self.velocity);
         Ok(report)
     }
 
-    /// q = τ p and τ G p, τ = ε Δt, ε = ε₀ min(1, Δt max (½ Σ|F| + ν Σ w)/V); the latter is added to the velocity.
-    fn add_mismatch(&mut self, dt: f64) {
-        let tau = dt * MISMATCH_SHARE * self.transport_number(dt).min(1.0);
-        let Pressure { q, bias, .. } = &mut self.poisson;
-        let (pressure, volumes) = (&mut self.pressure, self.operators.volumes());
-        rows::each(q, |i, q| *q = tau * pressure[i]);
-        self.operators.gradient(pressure, bias);
-        rows::each_pair(&mut self.velocity[..volumes.len()], bias, |i, u, bias| {
-            let scale = tau / volumes[i];
-            for c in 0..3 {
-                bias[c] *= scale;
-                u[c] += bias[c];
-            }
-        });
-    }
-
-    /// Takes τ G p out of the velocity again.
-    fn remove_mismatch(&mut self) {
-        let bias = &self.poisson.bias;
-        rows::each(&mut self.velocity[..bias.len()], |i, u| {
-            (0..3).for_each(|c| u[c] -= bias[i][c]);
-        });
-        self.impose_boundary();
-    }
-
-    /// F* into `flux`, −(Σ F* + F_b) into the right-hand side; the tolerance that goes with it.
+    /// −(Σ F* + F_b) into the right-hand side; the tolerance that goes with it.
     fn predicted_divergence(&mut self) -> CgSettings {
-        let Pressure { sums, q, .. } = &mut self.poisson;
-        self.operators
-            .interpolate_flux(&mut self.velocity, q, &mut self.flux, sums);
-        self.right_hand_side(|flux| flux.end)
+        let rhs = &mut self.poisson.rhs;
+        let mut none = nothing(rhs.len());
+        let size = self.operators.divergence(
+            &mut self.velocity,
+            (&mut rhs[..], &mut none),
+            |_, sum, rhs, ()| *rhs = -sum,
+        );
+        self.mismatch.subtract_sums(rhs);
+        close(&self.boundary, rhs, |flux| flux.end);
+        self.pressure_tolerance(size)
     }
 
     /// What outlets give to ψ at their neighbours into the right-hand side; at outlets it is put in after the solve,
@@ -220,16 +179,9 @@ impl Fluid {
         self.mesh.halo.update(psi);
     }
 
-    /// Minus the divergence into the right-hand side; `given` picks the fluxes that boundaries prescribe.
-    fn right_hand_side(&mut self, given: impl Fn(&GivenFlux) -> f64) -> CgSettings {
-        let Pressure { sums, rhs, .. } = &mut self.poisson;
-        rows::each(rhs, |i, rhs| *rhs = -sums[i][0]);
-        self.close(given);
-        let sums = &self.poisson.sums;
-        let [square] = block_sums(sums.len(), |range| {
-            [sums[range].iter().map(|s| s[1] * s[1]).sum()]
-        });
-        let scale = self.mesh.halo.communicator().sum(square).sqrt();
+    /// Relative tolerance as set; absolute where the divergence is round-off of the fluxes, `size` = Σ_i (Σ_j |F_ij|)².
+    fn pressure_tolerance(&self, size: f64) -> CgSettings {
+        let scale = self.mesh.halo.communicator().sum(size).sqrt();
         let settings = self.settings.pressure;
         CgSettings {
             absolute_tolerance: settings.absolute_tolerance.max(1e-16 * scale),
@@ -237,64 +189,68 @@ impl Fluid {
         }
     }
 
-    /// Velocity by one short-wave inverse of what is left of the nodal divergence; ψ is what it took.
-    pub(crate) fn clean(&mut self) {
-        let Pressure { rhs, q, .. } = &mut self.poisson;
-        self.operators.divergence(&mut self.velocity, q, rhs);
-        rows::each(rhs, |_, rhs| *rhs = -*rhs);
-        self.close(|flux| flux.end);
-        let Pressure {
-            matrix,
-            polynomial,
-            rhs,
+    /// F = F* − w (ψ_j − ψ_i), u = u* − P G ψ, p += ψ/Δt (not where Δt is zero).
+    fn correct(&mut self, dt: f64) {
+        let psi = &self.poisson.psi;
+        let inverse = self.operators.inverse_volumes();
+        let owned = inverse.len();
+        let raise = if dt > 0.0 { dt.recip() } else { 0.0 };
+        let next = &mut self.momentum.next;
+        let rate = self.operators.correct(
+            &self.velocity,
             psi,
-            gradient,
-            ..
-        } = &mut self.poisson;
-        polynomial.apply(matrix, rhs, psi);
-        self.operators.gradient(psi, gradient);
-        self.subtract_gradient();
+            &mut self.flux_other,
+            (&mut next[..owned], &mut self.pressure[..owned]),
+            |i, own, psi, gradient, next, pressure| {
+                (0..4).for_each(|c| next[c] = own[c] - inverse[i] * gradient[c]);
+                *pressure += raise * psi;
+            },
+        );
+        self.mismatch.add_to(&mut self.flux_other);
+        std::mem::swap(&mut self.flux, &mut self.flux_other);
+        std::mem::swap(&mut self.velocity, &mut self.momentum.next);
+        self.flux_rate = self.mesh.halo.communicator().max(rate);
+        let psi = &self.poisson.psi;
+        confine(
+            &self.operators,
+            &self.boundary,
+            psi,
+            &mut self.velocity,
+            &mut self.reaction,
+        );
     }
 
-    /// `field` += ψ/Δt, for pressures of total length; ψ is valid.
-    fn raise(psi: &[f64], dt: f64, field: &mut [f64]) {
-        let inverse = 1.0 / dt;
-        rows::each(field, |i, p| *p += inverse * psi[i]);
-    }
-
-    /// Boundary fluxes into the right-hand side; outlets close themselves.
-    fn close(&mut self, given: impl Fn(&GivenFlux) -> f64) {
-        for (i, through) in &self.boundary.through {
-            let rhs = &mut self.poisson.rhs[*i as usize];
-            match through {
-                Through::Given(flux) => *rhs -= given(flux),
-                Through::Open => *rhs = 0.0,
-            }
-        }
-    }
-
-    /// F = F* − w (ψ_j − ψ_i), u = u* − P G ψ.
-    fn correct(&mut self) {
-        let Pressure { psi, gradient, .. } = &mut self.poisson;
-        self.operators.correct(psi, &mut self.flux, gradient);
-        self.subtract_gradient();
-    }
-
-    /// u −= P G ψ from V G ψ; the rest of it acts on the boundary.
-    fn subtract_gradient(&mut self) {
-        let volumes = self.operators.volumes();
-        let gradient = &mut self.poisson.gradient;
-        for (constraint, reaction) in self.boundary.constraints.iter().zip(&mut self.reaction) {
-            let gradient = &mut gradient[constraint.node as usize];
-            let admitted = constraint.admit(*gradient);
-            (0..3).for_each(|c| reaction[c] -= gradient[c] - admitted[c]);
-            *gradient = admitted;
-        }
-        let gradient = &*gradient;
-        rows::each(&mut self.velocity[..volumes.len()], |i, u| {
-            let inverse = 1.0 / volumes[i];
-            (0..3).for_each(|c| u[c] -= inverse * gradient[i][c]);
-        });
+    /// Velocity by one short-wave inverse of what is left of the nodal divergence, pressure by what it took.
+    pub(crate) fn clean(&mut self, dt: f64) {
+        let polynomial = &mut self.poisson.polynomial;
+        let mut none = nothing(polynomial.rhs.len());
+        self.operators.divergence(
+            &mut self.velocity,
+            (&mut polynomial.rhs[..], &mut none),
+            |_, sum, rhs, ()| *rhs = -sum,
+        );
+        self.mismatch.subtract_sums(&mut polynomial.rhs);
+        close(&self.boundary, &mut polynomial.rhs, |flux| flux.end);
+        polynomial.apply(&self.operators);
+        let inverse = self.operators.inverse_volumes();
+        let owned = inverse.len();
+        let raise = if dt > 0.0 { dt.recip() } else { 0.0 };
+        let x = &mut polynomial.x;
+        self.operators.gradient(
+            x,
+            (&mut self.velocity[..owned], &mut self.pressure[..owned]),
+            |i, own, gradient, velocity, pressure| {
+                (0..3).for_each(|c| velocity[c] -= inverse[i] * gradient[c]);
+                *pressure += raise * own;
+            },
+        );
+        confine(
+            &self.operators,
+            &self.boundary,
+            x,
+            &mut self.velocity,
+            &mut self.reaction,
+        );
     }
 
     /// The pressure that keeps the initial velocity and fluxes solenoidal; without it the first step would be of first
@@ -311,19 +267,18 @@ impl Fluid {
         self.poisson.psi.fill(0.0);
         let solve = self.poisson.solve(&settings);
         solve.map_err(|source| self.solve_failed("pressure", source))?;
-        Self::raise(&self.poisson.psi, 1.0, &mut self.pressure);
+        let psi = &self.poisson.psi;
+        rows::each(&mut self.pressure, |i, p| *p += psi[i]);
         for _ in 0..START_CYCLES {
             self.acceleration();
             let Pressure {
-                matrix,
-                polynomial,
-                rhs,
-                psi,
-                ..
+                polynomial, rhs, ..
             } = &mut self.poisson;
-            polynomial.apply(matrix, rhs, psi);
-            self.mesh.halo.update(psi);
-            Self::raise(&self.poisson.psi, 1.0, &mut self.pressure);
+            polynomial.rhs.copy_from_slice(rhs);
+            polynomial.apply(&self.operators);
+            let x = &polynomial.x;
+            let owned = rhs.len();
+            rows::each(&mut self.pressure[..owned], |i, p| *p += x[i]);
         }
         Ok(())
     }
@@ -331,26 +286,58 @@ impl Fluid {
     /// Minus the divergence of the acceleration into the right-hand side.
     fn acceleration(&mut self) -> CgSettings {
         self.gather_sources();
-        self.explicit(&SubStep::RATE, 1.0);
-        let (rhs, volumes) = (&self.momentum.rhs, self.operators.volumes());
+        self.explicit_part(&SubStep::RATE, 1.0);
+        let (rhs, inverse) = (&self.momentum.next, self.operators.inverse_volumes());
         let rate = &mut self.momentum.increment;
-        rows::each(&mut rate[..rhs.len()], |i, rate| {
-            *rate = rhs[i].map(|r| r / volumes[i]);
+        rows::each(&mut rate[..inverse.len()], |i, rate| {
+            *rate = rhs[i].map(|r| r * inverse[i]);
         });
         // The force on nodes of the boundary is balanced by pressure too.
         for constraint in &self.boundary.constraints {
             let i = constraint.node as usize;
             let source = self.momentum.source[i];
             let admitted = constraint.admit(source);
-            (0..3).for_each(|c| rate[i][c] += (source[c] - admitted[c]) / volumes[i]);
+            (0..3).for_each(|c| rate[i][c] += (source[c] - admitted[c]) * inverse[i]);
         }
-        // `flux_previous` equals `flux` before the first step: it serves as scratch.
-        // No mismatch in the rate.
-        let Pressure { sums, psi, .. } = &mut self.poisson;
-        psi.fill(0.0);
-        self.operators
-            .interpolate_flux(rate, psi, &mut self.flux_previous, sums);
-        self.flux_previous.copy_from_slice(&self.flux);
-        self.right_hand_side(|flux| flux.rate)
+        let sums = &mut self.poisson.rhs;
+        let mut none = nothing(sums.len());
+        let size =
+            self.operators
+                .divergence(rate, (&mut sums[..], &mut none), |_, sum, rhs, ()| {
+                    *rhs = -sum
+                });
+        close(&self.boundary, sums, |flux| flux.rate);
+        self.pressure_tolerance(size)
+    }
+}
+
+/// Boundary fluxes into sums −Σ F, `given` of those that boundaries prescribe; outlets close themselves.
+fn close(boundary: &Boundary, sums: &mut [f64], given: impl Fn(&GivenFlux) -> f64) {
+    for (i, through) in &boundary.through {
+        let sum = &mut sums[*i as usize];
+        match through {
+            Through::Given(flux) => *sum -= given(flux),
+            Through::Open => *sum = 0.0,
+        }
+    }
+}
+
+/// Gives back to the velocity of constrained nodes what −G x must not change, and books it as given to the boundary.
+fn confine(
+    operators: &Operators,
+    boundary: &Boundary,
+    x: &[f64],
+    velocity: &mut [[f64; 4]],
+    reaction: &mut [[f64; 4]],
+) {
+    for (constraint, reaction) in boundary.constraints.iter().zip(reaction) {
+        let i = constraint.node as usize;
+        let gradient = operators.gradient_row(x, i);
+        let admitted = constraint.admit(gradient);
+        for c in 0..3 {
+            let refused = gradient[c] - admitted[c];
+            reaction[c] -= refused;
+            velocity[i][c] += operators.inverse_volumes()[i] * refused;
+        }
     }
 }

@@ -23,6 +23,20 @@ pub struct FluidSettings {
     /// Short-wave corrections a step that clean the nodal velocity of the divergence which the approximate projection
     /// leaves there.
     pub cleaning_cycles: usize,
+    /// How viscous terms are advanced in time.
+    pub diffusion: Diffusion,
+}
+
+/// How viscous terms are advanced in time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Diffusion {
+    /// Explicitly in the steps in which that is stable, else implicitly; see [`crate::DiffusionChoice`].
+    #[default]
+    Auto,
+    /// Explicitly: the viscous number limits the step.
+    Explicit,
+    /// Implicitly (Crank–Nicolson).
+    Implicit,
 }
 
 /// Preconditioner of the pressure solve.
@@ -52,6 +66,7 @@ impl FluidSettings {
             pressure: solver,
             preconditioner: PressurePreconditioner::default(),
             cleaning_cycles: 2,
+            diffusion: Diffusion::default(),
         }
     }
 

@@ -23,6 +23,7 @@ const THROUGH: &str = "fluid.boundary_flux";
 const FLUX: &str = "fluid.flux";
 const FLUX_PREVIOUS: &str = "fluid.flux_previous";
 const TIME: &str = "fluid.time";
+const FLUX_RATE: &str = "fluid.flux_rate";
 const LAST_DT: &str = "fluid.last_dt";
 const STEPS: &str = "fluid.steps";
 const DRIVING: [&str; 3] = ["fluid.driving_x", "fluid.driving_y", "fluid.driving_z"];
@@ -72,6 +73,7 @@ impl Fluid {
         let components = velocity.iter().flat_map(|u| [u[0], u[1], u[2]]).collect();
         let mut scalars = vec![
             (TIME.to_owned(), self.time),
+            (FLUX_RATE.to_owned(), self.flux_rate),
             (LAST_DT.to_owned(), self.last_dt),
             (STEPS.to_owned(), self.steps as f64),
         ];
@@ -89,7 +91,7 @@ impl Fluid {
             node: fields,
             pair: vec![
                 (FLUX.to_owned(), self.flux.clone()),
-                (FLUX_PREVIOUS.to_owned(), self.flux_previous.clone()),
+                (FLUX_PREVIOUS.to_owned(), self.flux_other.clone()),
             ],
             scalars,
         }
@@ -114,6 +116,7 @@ impl Fluid {
         let time = state.scalar(TIME)?;
         let through = self.boundary.moves.then(|| state.node(THROUGH, 2, owned));
         let through = through.transpose()?;
+        let flux_rate = state.scalar(FLUX_RATE)?;
         let mut driving = [0.0; 3];
         for (value, name) in driving.iter_mut().zip(DRIVING) {
             *value = state.scalar(name)?;
@@ -126,9 +129,10 @@ impl Fluid {
             rate.copy_from_slice(stored);
         }
         self.flux.copy_from_slice(flux);
-        self.flux_previous.copy_from_slice(flux_previous);
+        self.flux_other.copy_from_slice(flux_previous);
         self.mesh.halo.update(&mut self.velocity);
         self.mesh.halo.update(&mut self.pressure);
+        self.flux_rate = flux_rate;
         (self.last_dt, self.steps, self.driving) = (last_dt, steps as u64, driving);
         self.time = time;
         if let Some(through) = through {
@@ -165,7 +169,7 @@ impl Fluid {
             0 => !vector(&self.body_force[i]),
             1 => !vector(&self.velocity[i]),
             2 => !vector(&[self.pressure[i]; 4]),
-            _ => !vector(&self.momentum.rhs[i]),
+            _ => !vector(&self.momentum.next[i]),
         };
         let owned = self.mesh.owned();
         let first = (0..FIELDS.len())

@@ -1,0 +1,106 @@
+//! Whether a step takes diffusion explicitly or implicitly.
+
+use crate::{Diffusion, Fluid};
+
+/// Interval [−2.51, 0] of the stability region of three-stage Runge–Kutta of third order.
+const REAL_LIMIT: f64 = 2.51;
+/// Interval [−1.73 i, 1.73 i].
+const IMAGINARY_LIMIT: f64 = 1.73;
+
+/// How a step advanced diffusion, and the numbers that decided it.
+///
+/// Convection is skew-symmetric and diffusion symmetric, so eigenvalues times Δt lie in the rectangle
+/// [−viscous number, 0] × [−Courant number, Courant number] i. The ellipse with half axes 2.51 and 1.73 lies in the
+/// stability region of the explicit scheme: diffusion is explicit when the rectangle lies in the ellipse.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DiffusionChoice {
+    /// True where it was implicit.
+    pub implicit: bool,
+    /// Δt ν max Σ_j (w_ij + |w_ij|)/V_i: bounds the spectrum of Δt ν L.
+    pub viscous_number: f64,
+    /// Δt max ½ Σ_j |F_ij|/V_i of the last projected fluxes.
+    pub courant_number: f64,
+    /// Chosen by the settings, not by the numbers.
+    pub forced: bool,
+}
+
+impl DiffusionChoice {
+    /// True when the explicit scheme is stable at these numbers.
+    pub fn allows_explicit(&self) -> bool {
+        let square = |x: f64| x * x;
+        square(self.viscous_number / REAL_LIMIT) + square(self.courant_number / IMAGINARY_LIMIT)
+            <= 1.0
+    }
+}
+
+impl Default for DiffusionChoice {
+    fn default() -> Self {
+        Self {
+            implicit: false,
+            viscous_number: 0.0,
+            courant_number: 0.0,
+            forced: false,
+        }
+    }
+}
+
+impl std::fmt::Display for DiffusionChoice {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let how = if self.implicit {
+            "implicit"
+        } else {
+            "explicit"
+        };
+        let why = match (self.forced, self.allows_explicit()) {
+            (true, _) => "as set",
+            (false, true) => "inside the stability limit of explicit diffusion",
+            (false, false) => "outside the stability limit of explicit diffusion",
+        };
+        write!(
+            f,
+            "diffusion {how}: viscous number {:.3}, Courant number {:.3}, {why}",
+            self.viscous_number, self.courant_number
+        )
+    }
+}
+
+impl Fluid {
+    /// The same on every rank: both numbers are largest values over all nodes.
+    pub(crate) fn choose_diffusion(&self, dt: f64) -> DiffusionChoice {
+        let choice = DiffusionChoice {
+            implicit: false,
+            viscous_number: dt * self.viscous_rate,
+            courant_number: dt * self.flux_rate,
+            forced: self.settings.diffusion != Diffusion::Auto,
+        };
+        let implicit = match self.settings.diffusion {
+            Diffusion::Auto => !choice.allows_explicit(),
+            Diffusion::Explicit => false,
+            Diffusion::Implicit => true,
+        };
+        // Without viscosity there is nothing to solve for.
+        DiffusionChoice {
+            implicit: implicit && self.viscous_rate > 0.0,
+            ..choice
+        }
+    }
+
+    /// ν max Σ_j (w_ij + |w_ij|)/V_i \[1/s\] over all nodes: twice the largest ν Σ w/V where no weight is negative.
+    /// Collective.
+    pub(crate) fn find_viscous_rate(&self) -> f64 {
+        let sums = self.operators.weight_sums(|w| w + w.abs());
+        let rates = sums.iter().zip(self.operators.inverse_volumes());
+        let largest = rates.fold(0.0, |m, (sum, inverse)| f64::max(m, sum * inverse));
+        let nu = self.settings.kinematic_viscosity();
+        nu * self.mesh.halo.communicator().max(largest)
+    }
+
+    /// Longest step that explicit diffusion allows with the present fluxes \[s\].
+    pub(crate) fn longest_explicit_step(&self) -> f64 {
+        let (real, imaginary) = (
+            self.viscous_rate / REAL_LIMIT,
+            self.flux_rate / IMAGINARY_LIMIT,
+        );
+        real.hypot(imaginary).recip()
+    }
+}
