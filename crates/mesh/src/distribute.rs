@@ -1,5 +1,6 @@
 //! Cuts a mesh that rank 0 holds into one piece a rank.
 
+use crate::blocks::{self, Blocks};
 use crate::graph::NodeGraph;
 use crate::piece::Piece;
 use crate::{BoundaryFace, LocalMesh, Mesh, MeshError, validate};
@@ -19,15 +20,31 @@ pub fn distribute(communicator: &Communicator, mesh: Option<Mesh>) -> Result<Loc
 /// As [`distribute`], with the mesh built or read by `build` on rank 0 only. Collective.
 ///
 /// # Errors
-/// What `build` or the partitioner reports, [`MeshError::Index`] for indices out of range, [`MeshError::Size`] for
-/// more ranks than the nodes suffice for. Rank 0 gets the error itself and the others [`MeshError::OnRoot`].
+/// As [`distribute_layers`].
 pub fn distribute_from(
     communicator: &Communicator,
     build: impl FnOnce() -> Result<Mesh, MeshError>,
 ) -> Result<LocalMesh, MeshError> {
+    distribute_layers(communicator, 1, build)
+}
+
+/// As [`distribute_from`], with `layers` of halo nodes along the axes of a mesh that is a tensor product and numbered
+/// line by line (see [`crate::renumber`]): fourth order needs three. Collective.
+///
+/// Such a mesh is cut into blocks that keep complete lines along the fastest direction. Halo nodes beyond the first
+/// layer carry no elements. Other meshes get one layer.
+///
+/// # Errors
+/// What `build` or the partitioner reports, [`MeshError::Index`] for indices out of range, [`MeshError::Size`] for
+/// more ranks than the nodes suffice for. Rank 0 gets the error itself and the others [`MeshError::OnRoot`].
+pub fn distribute_layers(
+    communicator: &Communicator,
+    layers: usize,
+    build: impl FnOnce() -> Result<Mesh, MeshError>,
+) -> Result<LocalMesh, MeshError> {
     let plan = communicator
         .is_root()
-        .then(|| build().and_then(|mesh| Plan::new(mesh, communicator.size())));
+        .then(|| build().and_then(|mesh| Plan::new(mesh, communicator.size(), layers)));
     let piece = match agree(communicator, plan)? {
         Some(mut plan) => {
             for rank in 1..communicator.size() {
@@ -66,6 +83,8 @@ struct Plan {
     part: Vec<u32>,
     /// Local index of every node on its owner.
     position: Vec<u32>,
+    /// Set for a tensor-product mesh, with the layers of halo nodes beyond those of elements.
+    blocks: Option<(Blocks, usize)>,
     nodes: Buckets,
     elements: Buckets,
     faces: Buckets,
@@ -76,9 +95,15 @@ struct Plan {
 const ABSENT: u32 = u32::MAX;
 
 impl Plan {
-    fn new(mesh: Mesh, ranks: usize) -> Result<Self, MeshError> {
+    fn new(mut mesh: Mesh, ranks: usize, layers: usize) -> Result<Self, MeshError> {
         validate::indices(&mesh)?;
-        let part = node_parts(&mesh, ranks)?;
+        let blocks = (ranks > 1)
+            .then(|| Blocks::new(&blocks::grid(&mut mesh)?, ranks))
+            .flatten();
+        let part = match &blocks {
+            Some(blocks) => blocks.owners(),
+            None => node_parts(&mesh, ranks)?,
+        };
         let nodes = Buckets::new(ranks, part.len(), |i, ranks| ranks.push(part[i]));
         if (0..ranks).any(|rank| nodes.of(rank).is_empty()) {
             return Err(MeshError::Size(format!(
@@ -108,6 +133,7 @@ impl Plan {
             mesh,
             part,
             position,
+            blocks: blocks.map(|blocks| (blocks, layers)),
             nodes,
             elements,
             faces,
@@ -167,19 +193,23 @@ impl Plan {
         piece
     }
 
-    /// Owned nodes ascending, then the other nodes of their elements and faces by (owner, node).
+    /// Owned nodes ascending, then the other nodes of their elements, faces and further layers by (owner, node).
     fn local_nodes(&self, rank: usize) -> Vec<u32> {
         let of_elements = self.elements.of(rank).iter();
         let of_faces = self.faces.of(rank).iter();
+        let owned = self.nodes.of(rank);
+        let of_blocks = self.blocks.iter();
+        let of_layers = of_blocks.flat_map(|(blocks, layers)| blocks.reached(owned, *layers));
         let mut halo: Vec<u32> = of_elements
             .flat_map(|&e| self.mesh.elements.nodes(e as usize))
             .chain(of_faces.flat_map(|&f| corners(&self.mesh.boundary[f as usize])))
             .copied()
+            .chain(of_layers)
             .filter(|&n| self.part[n as usize] as usize != rank)
             .collect();
         halo.sort_unstable_by_key(|&n| (self.part[n as usize], n));
         halo.dedup();
-        let mut nodes = self.nodes.of(rank).to_vec();
+        let mut nodes = owned.to_vec();
         nodes.append(&mut halo);
         nodes
     }
@@ -289,7 +319,7 @@ mod tests {
     #[test]
     fn pieces_cover_the_mesh_once_and_survive_the_journey() {
         let mesh = bar(16);
-        let mut plan = Plan::new(mesh.clone(), 3).expect("plan");
+        let mut plan = Plan::new(mesh.clone(), 3, 1).expect("plan");
         let mut node_owners = vec![0; mesh.nodes.len()];
         let mut element_owners = vec![0; mesh.elements.len()];
         for rank in 0..3 {
@@ -339,7 +369,7 @@ mod tests {
         let single = Communicator::single();
         assert_eq!(distribute(&single, None).err(), Some(MeshError::Empty));
         assert!(matches!(
-            Plan::new(bar(1), 5).err(),
+            Plan::new(bar(1), 5, 1).err(),
             Some(MeshError::Size(_))
         ));
         let mut mesh = bar(2);

@@ -88,6 +88,12 @@ pub enum MeshError {
     /// The mesh is too large or too small for what was asked.
     #[error("{0}")]
     Size(String),
+    /// Fourth order was asked for on a mesh that is no tensor product.
+    #[error(
+        "fourth order needs a mesh of axis-parallel hexahedra that is a tensor product of three coordinate lists; \
+         this one is not: use second order"
+    )]
+    NotTensorProduct,
     /// The partitioner failed.
     #[error("{0}")]
     Partition(String),

@@ -1,5 +1,6 @@
 //! Nodes, elements, median-dual geometry, generators, readers, quality.
 
+mod blocks;
 mod distribute;
 mod error;
 mod faces;
@@ -19,11 +20,11 @@ mod tensor;
 mod topology;
 mod validate;
 
-pub use distribute::{distribute, distribute_from};
+pub use distribute::{distribute, distribute_from, distribute_layers};
 pub use error::MeshError;
 pub use generate::{BoxElement, BoxMesh, Stretching};
 pub use line::{Line, LinePair};
-pub use local::{BoundaryNode, DualGeometry, LocalMesh};
+pub use local::{BoundaryNode, DualGeometry, LocalMesh, TensorLines};
 pub use quality::{PatchQuality, QualityReport, quality};
 pub use renumber::{Bandwidth, Renumbering, renumber};
 pub use tensor::TensorGrid;

@@ -1,5 +1,7 @@
 //! One-dimensional summation-by-parts operators, of which the geometry of a tensor-product mesh is made.
 
+mod fourth;
+
 /// A one-dimensional operator on the nodes of one direction.
 ///
 /// The three-dimensional pair geometry is its tensor product: along an axis S_ab = `skew` H H and w_ab = `stiffness` H H

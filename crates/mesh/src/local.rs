@@ -1,9 +1,10 @@
 //! What one rank holds: its part of the mesh and its rows of the dual geometry.
 
-use crate::{BoundaryFace, Elements, Image, Mesh, Periods};
+use crate::{BoundaryFace, Elements, Image, Line, Mesh, Periods, TensorGrid};
 use fibreflow_parallel::{Communicator, Halo};
 
-/// One rank's part of a mesh: owned nodes first, then one layer of halo nodes.
+/// One rank's part of a mesh: owned nodes first, then one layer of halo nodes, or several (see
+/// [`crate::distribute_layers`]).
 ///
 /// Every element that touches an owned node is here, in the order of the whole mesh, so that the rows of owned nodes
 /// are assembled without communication and in the same order on any number of ranks.
@@ -99,10 +100,21 @@ pub struct DualGeometry {
     pub boundary: Vec<BoundaryNode>,
     /// Pairs of an owned node with its own image: (node, image, face).
     pub self_pairs: Vec<(u32, Image, [f64; 4])>,
-    /// True when all elements are orthogonal hexahedra and the two-point (7-point) form was used.
+    /// True when all elements are orthogonal hexahedra: pairs along the edges only.
     pub orthogonal: bool,
     /// Volume of the whole mesh \[m³\], the same on every rank.
     pub total_volume: f64,
+    /// Set when the pairs are the tensor product of three lines.
+    pub tensor: Option<TensorLines>,
+}
+
+/// A tensor-product mesh with the one-dimensional operators of its pairs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TensorLines {
+    /// Coordinates, and the place of every local node.
+    pub grid: TensorGrid,
+    /// Operators along x, y, z.
+    pub lines: [Line; 3],
 }
 
 impl DualGeometry {

@@ -302,6 +302,7 @@ mod tests {
             self_pairs: Vec::new(),
             orthogonal: false,
             total_volume: 1.0,
+            tensor: None,
         };
         let [weighted, weight, largest] = row_angles(&geometry, 0);
         assert!((largest - 45.0).abs() < 1e-10);

@@ -72,6 +72,29 @@ impl TensorGrid {
         })
     }
 
+    /// Directions from the fastest to the slowest when nodes of these numbers are in lexicographic order; of several such
+    /// orders (in directions of one node) the one that starts with the longest. `numbers` has one for every local node.
+    pub fn numbering(&self, numbers: &[u64]) -> Option<[usize; 3]> {
+        const ORDERS: [[usize; 3]; 6] = [
+            [0, 1, 2],
+            [0, 2, 1],
+            [1, 0, 2],
+            [1, 2, 0],
+            [2, 0, 1],
+            [2, 1, 0],
+        ];
+        let counts = self.counts().map(|n| n as u64);
+        let fits = |axes: &[usize; 3]| {
+            let mut nodes = numbers.iter().zip(&self.indices);
+            nodes.all(|(&number, at)| {
+                let [i, j, k] = axes.map(|c| u64::from(at[c]));
+                number == i + counts[axes[0]] * (j + counts[axes[1]] * k)
+            })
+        };
+        let fitting = ORDERS.into_iter().filter(fits);
+        fitting.min_by_key(|axes| std::cmp::Reverse(counts[axes[0]]))
+    }
+
     /// Number of nodes in every direction.
     pub fn counts(&self) -> [usize; 3] {
         self.coordinates.each_ref().map(Vec::len)

@@ -9,8 +9,11 @@
 
 mod element;
 mod rows;
+mod tensor;
 
-use crate::{BoundaryNode, DualGeometry, ElementKind, LocalMesh, MeshError};
+pub use tensor::fourth;
+
+use crate::{BoundaryNode, DualGeometry, ElementKind, LocalMesh, MeshError, TensorGrid};
 use element::Form;
 use fibreflow_parallel::block_sum;
 use rayon::prelude::*;
@@ -49,6 +52,11 @@ pub fn dual(mesh: &LocalMesh) -> Result<DualGeometry, MeshError> {
         boundary: boundary_shares(mesh, form),
         self_pairs: rows.self_pairs,
         orthogonal,
+        tensor: if orthogonal {
+            TensorGrid::detect(mesh).map(tensor::second)
+        } else {
+            None
+        },
     })
 }
 

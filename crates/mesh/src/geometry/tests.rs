@@ -121,6 +121,32 @@ fn area_vectors_close_and_linear_fields_are_exact() {
 }
 
 #[test]
+fn pairs_of_fourth_order_close_and_are_exact_for_linear_fields() {
+    let shapes = [
+        ([10, 9, 8], [false, true, false]),
+        ([9, 12, 1], [true, false, true]),
+        ([12, 2, 8], [true, true, true]),
+    ];
+    for (cells, periodic) in shapes {
+        let case = BoxMesh {
+            cells,
+            periodic,
+            ..boxes(0.0)[0].clone()
+        };
+        let mesh = local(&case);
+        let dual = fourth(&mesh).expect("tensor product");
+        check_rows(&mesh, &dual, [0.3, -1.1, 0.7], &case);
+        let volume: f64 = case.size.iter().product();
+        assert!((dual.total_volume / volume - 1.0).abs() < 1e-13, "{case:?}");
+        assert!(dual.volumes.iter().all(|&v| v > 0.0), "{case:?}");
+        let longest = (0..mesh.owned()).map(|i| dual.row(i).len()).max();
+        assert!(longest >= Some(6), "{case:?}: {longest:?} neighbours");
+    }
+    let jittered = local(&boxes(0.2)[0]);
+    assert_eq!(fourth(&jittered).err(), Some(MeshError::NotTensorProduct));
+}
+
+#[test]
 fn dual_volumes_are_positive_and_fill_the_box() {
     for jitter in [0.0, 0.2] {
         for case in boxes(jitter) {
