@@ -126,6 +126,7 @@ impl<T: Value> ConjugateGradients<T> {
                     initial_residual,
                 });
             }
+            preconditioner.normalise(report.final_residual);
             preconditioner.apply(&self.residual, &mut self.preconditioned);
             let [rz, zq] = self.preconditioned_products(&communicator);
             positive("the preconditioner", rz, iteration + 1)?;

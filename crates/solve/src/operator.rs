@@ -19,6 +19,9 @@ pub trait Preconditioner<T: Value> {
     /// z ≈ A⁻¹ r on owned entries; both slices have owned length. Collective.
     fn apply(&mut self, r: &[T], z: &mut [T]);
 
+    /// Norm of the residuals that come next, over all ranks: what works in single precision divides by it.
+    fn normalise(&mut self, _norm: f64) {}
+
     /// True when the map r → z is not linear, so that conjugate gradients must use its flexible form.
     fn is_variable(&self) -> bool {
         false

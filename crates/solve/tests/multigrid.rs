@@ -60,8 +60,8 @@ fn iterations_hardly_grow_with_the_mesh() {
     let lattices = [16, 32].map(Lattice::uniform);
     for build in [Lattice::dirichlet, Lattice::neumann] {
         let [coarse, fine] = [0, 1].map(|k| iterations(&build(&lattices[k])) as f64);
-        assert!(fine < 1.5 * coarse, "{coarse} iterations become {fine}");
-        assert!(fine < 25.0, "{fine} iterations");
+        assert!(fine < 1.3 * coarse, "{coarse} iterations become {fine}");
+        assert!(fine < 16.0, "{fine} iterations");
     }
 }
 
@@ -71,7 +71,7 @@ fn stretched_cells_are_coarsened_along_their_short_side() {
     for n in [16, 32] {
         let matrix = Lattice::geometric(n, 1000.0).neumann();
         let count = iterations(&matrix);
-        assert!(count < 50, "{count} iterations at n = {n}");
+        assert!(count < 20, "{count} iterations at n = {n}");
         let jacobi = solve(&matrix, &mut Jacobi::new(&matrix), 1e-8, 6 * count);
         assert!(matches!(jacobi, Err(SolveError::NotConverged { .. })));
     }
@@ -79,7 +79,7 @@ fn stretched_cells_are_coarsened_along_their_short_side() {
 
 #[test]
 fn tetrahedra_with_negative_weights_converge() {
-    for (squash, most) in [(1.0, 30), (0.05, 70)] {
+    for (squash, most) in [(1.0, 18), (0.05, 70)] {
         let mesh = Tetrahedra::new(16, 0.2, squash);
         assert!(mesh.negative_weights() > 1000);
         for dirichlet in [false, true] {
@@ -100,7 +100,7 @@ fn multigrid_and_jacobi_agree() {
     }
 }
 
-/// One cycle over two levels is linear; conjugate gradients need it symmetric.
+/// Conjugate gradients need it symmetric; single precision is as far as it can be.
 #[test]
 fn the_cycle_is_symmetric_and_positive() {
     for matrix in [
@@ -109,11 +109,10 @@ fn the_cycle_is_symmetric_and_positive() {
     ] {
         let settings = AmgSettings {
             coarsest: 1000,
-            degree: 2,
             ..AmgSettings::default()
         };
         let mut amg = Amg::new(&matrix, settings).expect("hierarchy");
-        assert!(amg.unknowns().len() == 2 && !amg.is_variable());
+        assert!(amg.unknowns().len() >= 2 && !amg.is_variable());
         let n = matrix.owned();
         let mean_free = |seed| {
             let mut r = random(n, seed);
@@ -128,7 +127,7 @@ fn the_cycle_is_symmetric_and_positive() {
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
         let (left, right) = (dot(&s, &z), dot(&r, &t));
         assert!(
-            (left - right).abs() < 1e-12 * norm(&s) * norm(&z),
+            (left - right).abs() < 1e-6 * norm(&s) * norm(&z),
             "{left} {right}"
         );
         assert!(dot(&r, &z) > 0.0);

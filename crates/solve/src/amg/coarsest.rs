@@ -1,62 +1,40 @@
-//! The last level: small enough that every rank holds its rows of the inverse.
+//! The last level: small enough for its inverse.
 
-use crate::{PairMatrix, SolveError, vectors::dot};
+use super::level::reciprocal;
+use crate::{PairMatrix, SolveError};
 use faer::{
     Mat, Side,
     linalg::solvers::{Llt, Solve},
 };
-use fibreflow_parallel::Halo;
 
 /// Pivot over diagonal entry below which a matrix counts as singular.
 const SMALLEST_PIVOT: f64 = 1e-13;
 
-/// Dense inverse of the coarsest matrix, this rank's rows.
+/// Dense inverse of a matrix on one rank, in scaled variables: D^½ A⁻¹ D^½.
 #[derive(Clone, Debug)]
 pub(super) struct Coarsest {
-    /// Makes the right-hand side of all ranks local.
-    halo: Halo,
-    /// Unknowns of the ranks before this one.
-    before: usize,
-    /// Owned rows of the inverse, row-major; columns in rank order.
-    inverse: Vec<f64>,
-    /// Right-hand side as the halo orders it: owned, then the other ranks in rank order.
-    gathered: Vec<f64>,
-    /// The same in rank order.
-    ordered: Vec<f64>,
+    /// D^½.
+    pub(super) roots: Vec<f64>,
+    /// Row-major.
+    inverse: Vec<f32>,
+    pub(super) rhs: Vec<f32>,
+    pub(super) x: Vec<f32>,
 }
 
 impl Coarsest {
-    /// Factors the matrix on every rank. With constants in the null space s·11ᵀ/n is added, which leaves the answer
-    /// to right-hand sides of mean zero untouched and gives it mean zero. Collective.
+    /// Factors the matrix. With constants in the null space s·11ᵀ/n is added, which leaves the answer to right-hand
+    /// sides of mean zero untouched and gives it mean zero.
     pub(super) fn new(matrix: &PairMatrix, singular: bool) -> Result<Self, SolveError> {
-        let communicator = matrix.halo().communicator();
-        let (owned, rank) = (matrix.owned(), communicator.rank());
-        let counts = communicator.all_gather(&[owned as u32]);
-        let starts: Vec<usize> = counts
-            .iter()
-            .scan(0, |start, count| {
-                let here = *start;
-                *start += count[0] as usize;
-                Some(here)
-            })
-            .collect();
-        let (before, size) = (starts[rank], counts.iter().map(|c| c[0] as usize).sum());
-
-        let mut numbers: Vec<u32> = (before as u32..).take(owned).collect();
-        numbers.resize(matrix.halo().total(), 0);
-        matrix.halo().update(&mut numbers);
-        let mut entries = Vec::new();
-        for i in 0..owned {
-            let row = f64::from(numbers[i]);
-            entries.push([row, row, matrix.diagonal()[i]]);
-            entries.extend(matrix.row(i).map(|(j, w)| [row, f64::from(numbers[j]), -w]));
-        }
+        let size = matrix.owned();
         let mut dense = Mat::<f64>::zeros(size, size);
-        for [row, column, value] in communicator.all_gather(&entries).into_iter().flatten() {
-            dense[(row as usize, column as usize)] += value;
+        for i in 0..size {
+            dense[(i, i)] = matrix.diagonal()[i];
+            for (j, w) in matrix.row(i) {
+                dense[(i, j)] -= w;
+            }
         }
         if singular {
-            let scale = (0..size).map(|i| dense[(i, i)]).sum::<f64>() / size as f64;
+            let scale = matrix.diagonal().iter().sum::<f64>() / size as f64;
             let added = scale / size as f64;
             dense.col_iter_mut().for_each(|column| {
                 column.iter_mut().for_each(|value| *value += added);
@@ -69,37 +47,40 @@ impl Coarsest {
         if (0..size).any(|i| lower[(i, i)] * lower[(i, i)] < SMALLEST_PIVOT * dense[(i, i)]) {
             return Err(failed);
         }
-        let unit = Mat::from_fn(size, owned, |i, j| f64::from(u8::from(i == before + j)));
-        let columns = factor.solve(&unit);
-        let owners: Vec<(u32, u32)> = (0..communicator.size())
-            .filter(|&r| r != rank)
-            .flat_map(|r| (0..counts[r][0]).map(move |k| (r as u32, k)))
-            .collect();
+        let columns = factor.solve(&Mat::<f64>::identity(size, size));
+        let roots: Vec<f64> = matrix.diagonal().iter().map(|d| d.sqrt()).collect();
+        let mut inverse = Vec::with_capacity(size * size);
+        for i in 0..size {
+            inverse.extend((0..size).map(|j| (roots[i] * columns[(j, i)] * roots[j]) as f32));
+        }
+        debug_assert!(roots.iter().all(|&r| reciprocal(r) > 0.0));
         Ok(Self {
-            halo: Halo::new(communicator, owned, &owners),
-            before,
-            inverse: (0..owned)
-                .flat_map(|i| (0..size).map(move |j| (i, j)))
-                .map(|(i, j)| columns[(j, i)])
-                .collect(),
-            gathered: vec![0.0; size],
-            ordered: vec![0.0; size],
+            roots,
+            inverse,
+            rhs: vec![0.0; size],
+            x: vec![0.0; size],
         })
     }
 
-    /// x = A⁻¹ b on owned entries. Collective.
-    pub(super) fn solve(&mut self, rhs: &[f64], x: &mut [f64]) {
-        let (owned, size) = (rhs.len(), self.gathered.len());
-        self.gathered[..owned].copy_from_slice(rhs);
-        self.halo.update(&mut self.gathered);
-        let (own, others) = self.gathered.split_at(owned);
-        self.ordered[..self.before].copy_from_slice(&others[..self.before]);
-        self.ordered[self.before..self.before + owned].copy_from_slice(own);
-        self.ordered[self.before + owned..].copy_from_slice(&others[self.before..]);
-        if size > 0 {
-            for (x, row) in x.iter_mut().zip(self.inverse.chunks(size)) {
-                *x = dot(row, &self.ordered);
-            }
+    /// `x` from `rhs`.
+    pub(super) fn solve(&mut self) {
+        let size = self.rhs.len();
+        for (i, x) in self.x.iter_mut().enumerate() {
+            *x = dot(&self.inverse[i * size..(i + 1) * size], &self.rhs);
         }
     }
+}
+
+/// a·b in eight lanes.
+fn dot(a: &[f32], b: &[f32]) -> f32 {
+    let (a_lanes, a_rest) = a.as_chunks::<8>();
+    let (b_lanes, b_rest) = b.as_chunks::<8>();
+    let mut sums = [0.0f32; 8];
+    for (x, y) in a_lanes.iter().zip(b_lanes) {
+        for k in 0..8 {
+            sums[k] = x[k].mul_add(y[k], sums[k]);
+        }
+    }
+    let rest: f32 = a_rest.iter().zip(b_rest).map(|(x, y)| x * y).sum();
+    sums.iter().sum::<f32>() + rest
 }

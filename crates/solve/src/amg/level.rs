@@ -1,311 +1,243 @@
-//! One level: its matrix, its Chebyshev smoother, its transfer to the next one.
+//! One level in single precision: its matrix, its smoother, its transfer to the next one.
+//!
+//! The matrix is scaled to D^(−½) A D^(−½) = I − W, so that its entries stay near one whatever the cells' shapes, and a
+//! row needs no diagonal. The smoother is Gauss–Seidel inside fixed blocks of rows, Jacobi between them: forwards
+//! before the coarse correction, backwards after it, which keeps the cycle symmetric. Started from zero, the forward
+//! sweep reads the lower couplings only, and the residual it leaves is the sum of the others: together one pass.
 
-use super::aggregate::{NONE, members};
-use crate::vectors::{BLOCK, Partials, dot};
-use crate::{PairMatrix, SolveError};
+use super::transfer::Rows;
+use crate::PairMatrix;
 use fibreflow_parallel::Halo;
 use rayon::prelude::*;
 
-/// Steps of the power iteration for the upper end of the spectrum, and what its answer is multiplied by.
-const POWER_STEPS: usize = 12;
-const SAFETY: f64 = 1.1;
+/// Rows of a Gauss–Seidel block; a constant of the program, never of the machine.
+const SWEEP: usize = 1 << 14;
 
-/// A level with its work fields.
+/// A coupling.
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    column: u32,
+    weight: f32,
+}
+
+/// Where a row's couplings are: those to rows before it in its block, then others, then those to later rows.
+#[derive(Clone, Copy, Debug)]
+struct Span {
+    start: u32,
+    middle: u32,
+    upper: u32,
+}
+
+/// Compressed rows in single precision.
+#[derive(Clone, Debug)]
+pub(super) struct Compact {
+    offsets: Vec<u32>,
+    entries: Vec<Entry>,
+}
+
+impl Compact {
+    /// left_i · value · right_j, for the first `rows` rows.
+    pub(super) fn scaled(rows: usize, from: &Rows, left: &[f64], right: &[f64]) -> Self {
+        let entry = |i: usize, &(j, value): &(u32, f64)| Entry {
+            column: j,
+            weight: (left[i] * value * right[j as usize]) as f32,
+        };
+        Self {
+            offsets: from.offsets[..=rows].to_vec(),
+            entries: (0..rows)
+                .flat_map(|i| from.row(i).iter().map(move |e| entry(i, e)))
+                .collect(),
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn product(&self, i: usize, x: &[f32]) -> f32 {
+        let entries = &self.entries[self.offsets[i] as usize..self.offsets[i + 1] as usize];
+        sum(entries, x, 0)
+    }
+}
+
+/// Σ w x over entries whose columns count from `first`.
+#[inline(always)]
+fn sum(entries: &[Entry], x: &[f32], first: usize) -> f32 {
+    let terms = entries.iter();
+    terms.fold(0.0, |s, e| {
+        e.weight.mul_add(x[e.column as usize - first], s)
+    })
+}
+
+/// A level with its work fields; right-hand side and answer are in scaled variables, D^(−½) b and D^½ x.
 #[derive(Clone, Debug)]
 pub(super) struct Level {
-    pub(super) matrix: PairMatrix,
-    /// 1/d.
-    inverse: Vec<f64>,
-    /// Upper end of the spectrum of D⁻¹A.
-    largest: f64,
-    /// Aggregate of every owned row.
-    aggregates: Vec<u32>,
-    /// Owned rows of every aggregate, compressed.
-    starts: Vec<u32>,
-    members: Vec<u32>,
-    /// Right-hand side, owned.
-    pub(super) rhs: Vec<f64>,
-    /// Answer, total.
-    pub(super) x: Vec<f64>,
-    /// Answer of the smoothing step before, total; the two change places.
-    previous: Vec<f64>,
-    /// b − A x, owned.
-    residual: Vec<f64>,
-    /// First direction of the inner iteration and its image, owned.
-    direction: Vec<f64>,
-    image: Vec<f64>,
-    partials: Partials<5>,
+    pub(super) halo: Halo,
+    /// Length owned + 1; the last holds the end.
+    spans: Vec<Span>,
+    entries: Vec<Entry>,
+    /// Scaled P on owned rows, and Pᵀ on owned rows of the next level.
+    prolongation: Compact,
+    pub(super) restriction: Compact,
+    /// Exchange of the next level, and its answer with halo entries; unused on one rank.
+    coarse_halo: Halo,
+    correction: Vec<f32>,
+    rhs: Vec<f32>,
+    /// Answer, total; the two change places.
+    pub(super) x: Vec<f32>,
+    next: Vec<f32>,
+    /// b − A x, total.
+    pub(super) residual: Vec<f32>,
+}
+
+/// D^½ of owned and halo rows. D is the diagonal; where negative couplings make those that leave a block larger than
+/// that, D is their sum: the smoother needs no more to be convergent. Collective.
+pub(super) fn roots(matrix: &PairMatrix) -> Vec<f64> {
+    let owned = matrix.owned();
+    let root = |i: usize| {
+        let inside = block_of(i, owned);
+        let outer = matrix.row(i).filter(|(j, _)| !inside.contains(j));
+        let outer: f64 = outer.map(|(_, w)| w.abs()).sum();
+        matrix.diagonal()[i].max(outer).sqrt()
+    };
+    let mut roots: Vec<f64> = (0..owned).map(root).collect();
+    roots.resize(matrix.halo().total(), 0.0);
+    matrix.halo().update(&mut roots);
+    roots
+}
+
+/// 1/x, zero for zero: a row of zeros is left alone.
+pub(super) fn reciprocal(x: f64) -> f64 {
+    if x > 0.0 { x.recip() } else { 0.0 }
+}
+
+fn block_of(i: usize, owned: usize) -> std::ops::Range<usize> {
+    let start = i / SWEEP * SWEEP;
+    start..(start + SWEEP).min(owned)
 }
 
 impl Level {
-    pub(super) fn new(matrix: PairMatrix, aggregates: Vec<u32>, count: usize) -> Self {
+    /// `roots`: D^½ of local rows here and on the next level.
+    pub(super) fn new(
+        matrix: &PairMatrix,
+        roots: &[f64],
+        prolongation: &Rows,
+        restriction: &Rows,
+        coarse_roots: &[f64],
+        coarse_halo: Halo,
+    ) -> Self {
         let (owned, total) = (matrix.owned(), matrix.halo().total());
-        // A row of zeros is left alone.
-        let inverse = |&d: &f64| if d > 0.0 { d.recip() } else { 0.0 };
-        let (starts, members) = members(&aggregates, count);
-        let inverse: Vec<f64> = matrix.diagonal().iter().map(inverse).collect();
-        Self {
-            largest: largest_eigenvalue(&matrix, &inverse),
-            inverse,
-            aggregates,
-            starts,
-            members,
+        let inverse: Vec<f64> = roots.iter().map(|&r| reciprocal(r)).collect();
+        let coarse: Vec<f64> = coarse_roots.iter().map(|&r| reciprocal(r)).collect();
+        let mut level = Self {
+            halo: matrix.halo().clone(),
+            spans: Vec::with_capacity(owned + 1),
+            entries: Vec::with_capacity(matrix.entries_stored()),
+            prolongation: Compact::scaled(owned, prolongation, roots, &coarse),
+            restriction: Compact::scaled(restriction.len(), restriction, &coarse, roots),
+            correction: vec![0.0; coarse_halo.total()],
+            coarse_halo,
             rhs: vec![0.0; owned],
             x: vec![0.0; total],
-            previous: vec![0.0; total],
-            residual: vec![0.0; owned],
-            direction: vec![0.0; owned],
-            image: vec![0.0; owned],
-            partials: Partials::default(),
-            matrix,
-        }
-    }
-
-    /// Chebyshev smoothing of A x = b over the upper part of the spectrum, λ_max/`reach` and above.
-    ///
-    /// Three-term form: x⁺ = x + a (x − x⁻) + c D⁻¹(b − A x), one pass over the rows a step.
-    pub(super) fn smooth(&mut self, degree: usize, reach: f64, from_zero: bool) {
-        let (low, high) = (self.largest / reach, self.largest);
-        let (centre, half) = (0.5 * (high + low), 0.5 * (high - low));
-        let sigma = centre / half;
-        let mut rho = sigma.recip();
-        if from_zero {
-            let (x, rhs) = (&mut self.x[..self.rhs.len()], &self.rhs);
-            x.par_chunks_mut(BLOCK)
-                .zip(rhs.par_chunks(BLOCK))
-                .zip(self.inverse.par_chunks(BLOCK))
-                .for_each(|((x, b), inverse)| {
-                    for ((x, b), f) in x.iter_mut().zip(b).zip(inverse) {
-                        *x = b * f / centre;
-                    }
-                });
-            if degree > 1 {
-                self.previous.fill(0.0);
-            }
-        } else {
-            let (rhs, inverse) = (&self.rhs, &self.inverse);
-            let update = |i: usize, x: f64, neighbours: f64, _: f64| {
-                x + ((rhs[i] + neighbours) * inverse[i] - x) / centre
-            };
-            self.matrix.gather(&mut self.x, &mut self.previous, update);
-            std::mem::swap(&mut self.x, &mut self.previous);
-        }
-        for _ in 1..degree {
-            let next = (2.0 * sigma - rho).recip();
-            self.step(next * rho, 2.0 * next / half);
-            rho = next;
-        }
-    }
-
-    /// x⁺ = x + inertia (x − x⁻) + factor D⁻¹(b − A x).
-    fn step(&mut self, inertia: f64, factor: f64) {
-        let (rhs, inverse) = (&self.rhs, &self.inverse);
-        let update = |i: usize, x: f64, neighbours: f64, previous: f64| {
-            let correction = (rhs[i] + neighbours) * inverse[i] - x;
-            x + inertia * (x - previous) + factor * correction
+            next: vec![0.0; total],
+            residual: vec![0.0; total],
         };
-        self.matrix.gather(&mut self.x, &mut self.previous, update);
-        std::mem::swap(&mut self.x, &mut self.previous);
-    }
-
-    /// Sums of the residual over the aggregates.
-    pub(super) fn restrict(&mut self, coarse: &mut [f64]) {
-        let (rhs, diagonal) = (&self.rhs, self.matrix.diagonal());
-        let residual =
-            |i: usize, x: f64, neighbours: f64, _: f64| rhs[i] - (diagonal[i] * x - neighbours);
-        self.matrix
-            .gather(&mut self.x, &mut self.residual, residual);
-        let (starts, members, residual) = (&self.starts, &self.members, &self.residual);
-        coarse
-            .par_chunks_mut(BLOCK)
-            .enumerate()
-            .for_each(|(block, sums)| {
-                for (group, sum) in (block * BLOCK..).zip(sums) {
-                    let rows = &members[starts[group] as usize..starts[group + 1] as usize];
-                    *sum = rows.iter().map(|&i| residual[i as usize]).sum();
-                }
+        for i in 0..owned {
+            let block = block_of(i, owned);
+            let start = level.entries.len() as u32;
+            let mut ends = [start; 3];
+            let parts: [&dyn Fn(usize) -> bool; 3] = [
+                &|j| block.contains(&j) && j < i,
+                &|j| !block.contains(&j),
+                &|j| block.contains(&j) && j > i,
+            ];
+            for (part, end) in parts.iter().zip(&mut ends) {
+                let row = matrix.row(i).filter(|&(j, _)| part(j));
+                level.entries.extend(row.map(|(j, w)| Entry {
+                    column: j as u32,
+                    weight: (w * inverse[i] * inverse[j]) as f32,
+                }));
+                *end = level.entries.len() as u32;
+            }
+            level.spans.push(Span {
+                start,
+                middle: ends[0],
+                upper: ends[1],
             });
-    }
-
-    /// x += the aggregates' corrections.
-    pub(super) fn prolong(&mut self, coarse: &[f64]) {
-        let x = &mut self.x[..self.aggregates.len()];
-        x.par_chunks_mut(BLOCK)
-            .zip(self.aggregates.par_chunks(BLOCK))
-            .for_each(|(x, aggregates)| {
-                for (x, &group) in x.iter_mut().zip(aggregates) {
-                    if group != NONE {
-                        *x += coarse[group as usize];
-                    }
-                }
-            });
-    }
-
-    /// After a first cycle on A x = b: the best multiple of x. True when that is good enough; otherwise the residual
-    /// is left in `rhs` for a second cycle, see [`Level::combine`].
-    pub(super) fn first_direction(&mut self) -> Option<First> {
-        self.matrix.multiply(&mut self.x, &mut self.image);
-        let owned = self.rhs.len();
-        let communicator = self.matrix.halo().communicator();
-        let parts = self.x[..owned]
-            .par_chunks(BLOCK)
-            .zip(self.image.par_chunks(BLOCK))
-            .zip(self.rhs.par_chunks(BLOCK))
-            .map(|((c, v), b)| [dot(c, v), dot(c, b), dot(b, b), dot(b, v), dot(v, v)]);
-        let mut sums = self.partials.sum(parts);
-        communicator.sum_slice(&mut sums);
-        let [cv, cb, bb, bv, vv] = sums;
-        let length = if cv > 0.0 { cb / cv } else { 0.0 };
-        let left = bb - 2.0 * length * bv + length * length * vv;
-        if cv <= 0.0 || left <= GOOD_ENOUGH * bb {
-            self.x[..owned].iter_mut().for_each(|x| *x *= length);
-            return None;
         }
-        self.direction.copy_from_slice(&self.x[..owned]);
-        let image = &self.image;
-        self.rhs
-            .iter_mut()
-            .zip(image)
-            .for_each(|(b, v)| *b -= length * v);
-        Some(First { cv, cb })
-    }
-
-    /// Minimises the energy over the directions of both cycles (Notay's K-cycle).
-    pub(super) fn combine(&mut self, first: First) {
-        self.matrix.multiply(&mut self.x, &mut self.residual);
-        let owned = self.rhs.len();
-        let parts = self.x[..owned]
-            .par_chunks(BLOCK)
-            .zip(self.image.par_chunks(BLOCK))
-            .zip(self.residual.par_chunks(BLOCK))
-            .zip(self.rhs.par_chunks(BLOCK))
-            .map(|(((c, v1), v2), b)| [dot(c, v1), dot(c, v2), dot(c, b), 0.0, 0.0]);
-        let mut sums = self.partials.sum(parts);
-        self.matrix.halo().communicator().sum_slice(&mut sums[..3]);
-        let [mixed, second, cb, ..] = sums;
-        let schur = second - mixed * mixed / first.cv;
-        let length = if schur > 0.0 { cb / schur } else { 0.0 };
-        let start = (first.cb - mixed * length) / first.cv;
-        self.x[..owned]
-            .iter_mut()
-            .zip(&self.direction)
-            .for_each(|(x, c)| *x = start * c + length * *x);
-    }
-}
-
-/// Square of the residual reduction that spares the second inner iteration.
-const GOOD_ENOUGH: f64 = 0.0625;
-
-/// Products of the first inner direction c with its image and with the right-hand side.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct First {
-    cv: f64,
-    cb: f64,
-}
-
-/// Upper end of the spectrum of D⁻¹A: power iteration, at most the bound of Gershgorin (exact on a 7-point stencil).
-fn largest_eigenvalue(matrix: &PairMatrix, inverse: &[f64]) -> f64 {
-    let communicator = matrix.halo().communicator();
-    let bound = (0..matrix.owned()).map(|i| {
-        let couplings: f64 = matrix.row(i).map(|(_, w)| w.abs()).sum();
-        (matrix.diagonal()[i] + couplings) * inverse[i]
-    });
-    let bound = communicator.max(bound.fold(1.0, f64::max));
-    if bound <= 2.0 + 1e-9 {
-        return bound;
-    }
-    let rank = communicator.rank() as u64;
-    let mut x: Vec<f64> = (0..matrix.halo().total() as u64)
-        .map(|i| noise(i ^ (rank << 40)))
-        .collect();
-    let mut y = vec![0.0; matrix.owned()];
-    let mut estimate = 1.0;
-    for _ in 0..POWER_STEPS {
-        matrix.gather(&mut x, &mut y, |i, x, neighbours, _| {
-            x - inverse[i] * neighbours
+        let end = level.entries.len() as u32;
+        level.spans.push(Span {
+            start: end,
+            middle: end,
+            upper: end,
         });
-        // Rayleigh quotient in the D inner product, in which D⁻¹A is symmetric.
-        let weighted = |a: &[f64], b: &[f64]| -> f64 {
-            let terms = a.iter().zip(b).zip(matrix.diagonal());
-            terms.map(|((a, b), d)| a * b * d).sum()
+        level
+    }
+
+    /// Smooths from zero; the residual stays for the restriction. `b(i)` gives the right-hand side. Collective.
+    pub(super) fn descend(&mut self, b: impl Fn(usize) -> f32 + Sync) {
+        let (spans, entries) = (&self.spans, &self.entries);
+        let x = &mut self.x[..self.rhs.len()];
+        x.par_chunks_mut(SWEEP)
+            .zip(self.rhs.par_chunks_mut(SWEEP))
+            .enumerate()
+            .for_each(|(block, (x, rhs))| {
+                let first = block * SWEEP;
+                let spans = &spans[first..];
+                for k in 0..x.len() {
+                    let span = spans[k];
+                    let lower = &entries[span.start as usize..span.middle as usize];
+                    rhs[k] = b(first + k);
+                    x[k] = rhs[k] + sum(lower, x, first);
+                }
+            });
+        self.halo.update(&mut self.x);
+        let x = &self.x;
+        self.residual[..self.rhs.len()]
+            .par_chunks_mut(SWEEP)
+            .enumerate()
+            .for_each(|(block, residual)| {
+                let spans = spans[block * SWEEP..].windows(2);
+                for (residual, span) in residual.iter_mut().zip(spans) {
+                    let rest = &entries[span[0].middle as usize..span[1].start as usize];
+                    *residual = sum(rest, x, 0);
+                }
+            });
+        self.halo.update(&mut self.residual);
+    }
+
+    /// Adds the correction of the next level and smooths; the answer is left in `x`, its halo entries stale.
+    /// Collective.
+    pub(super) fn ascend(&mut self, coarse: &[f32]) {
+        let owned = self.rhs.len();
+        let prolongation = &self.prolongation;
+        let coarse = if self.coarse_halo.communicator().size() == 1 {
+            coarse
+        } else {
+            self.correction[..coarse.len()].copy_from_slice(coarse);
+            self.coarse_halo.update(&mut self.correction);
+            &self.correction
         };
-        let mut sums = [
-            weighted(&y, &y),
-            weighted(&x[..y.len()], &y),
-            weighted(&x[..y.len()], &x[..y.len()]),
-        ];
-        communicator.sum_slice(&mut sums);
-        let [yy, xy, xx] = sums;
-        if yy.is_nan() || yy <= 0.0 {
-            return bound;
-        }
-        estimate = (xy / xx).max(yy / xy);
-        let scale = yy.sqrt().recip();
-        x.iter_mut().zip(&y).for_each(|(x, y)| *x = y * scale);
-    }
-    bound.min(SAFETY * estimate)
-}
-
-/// Reproducible numbers in −1…1.
-fn noise(index: u64) -> f64 {
-    let mixed = index.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    ((mixed ^ (mixed >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 11) as f64 / (1u64 << 52) as f64
-        - 1.0
-}
-
-/// PᵀAP for the piecewise-constant P of the aggregates: couplings and shifts are summed, so that rows without shift
-/// keep their zero sum. Collective.
-pub(super) fn galerkin(
-    fine: &PairMatrix,
-    aggregates: &[u32],
-    count: usize,
-) -> Result<PairMatrix, SolveError> {
-    let halo = fine.halo();
-    let (owned, rank) = (halo.owned(), halo.communicator().rank() as u32);
-    let mut names: Vec<[u32; 2]> = aggregates.iter().map(|&a| [rank, a]).collect();
-    names.resize(halo.total(), [0, NONE]);
-    halo.update(&mut names);
-    let foreign = names[owned..].iter().filter(|name| name[1] != NONE);
-    let mut owners: Vec<(u32, u32)> = foreign.map(|&[rank, index]| (rank, index)).collect();
-    owners.sort_unstable();
-    owners.dedup();
-    let coarse_index = |j: usize| match names[j] {
-        [_, NONE] => None,
-        [_, index] if j < owned => Some(index as usize),
-        [rank, index] => owners.binary_search(&(rank, index)).ok().map(|k| count + k),
-    };
-    let coarse_halo = Halo::new(halo.communicator(), count, &owners);
-
-    let (starts, members) = members(aggregates, count);
-    let (mut offsets, mut entries) = (vec![0], Vec::<(u32, f64)>::new());
-    let mut shift = vec![0.0; count];
-    let mut place = vec![0usize; coarse_halo.total()];
-    for group in 0..count {
-        let first = entries.len();
-        for &i in &members[starts[group] as usize..starts[group + 1] as usize] {
-            shift[group] += fine.shift()[i as usize];
-            for (j, w) in fine.row(i as usize) {
-                let Some(other) = coarse_index(j) else {
-                    shift[group] += w;
-                    continue;
-                };
-                if other == group {
-                    continue;
+        self.x[..owned]
+            .par_chunks_mut(SWEEP)
+            .enumerate()
+            .for_each(|(block, x)| {
+                for (i, x) in (block * SWEEP..).zip(x) {
+                    *x += prolongation.product(i, coarse);
                 }
-                let at = place[other];
-                // A stale place points before this row's entries or at another column.
-                match entries.get_mut(at) {
-                    Some(entry) if at >= first && entry.0 == other as u32 => entry.1 += w,
-                    _ => {
-                        place[other] = entries.len();
-                        entries.push((other as u32, w));
-                    }
+            });
+        self.halo.update(&mut self.x);
+        let (spans, entries, x, rhs) = (&self.spans, &self.entries, &self.x, &self.rhs);
+        self.next[..owned]
+            .par_chunks_mut(SWEEP)
+            .enumerate()
+            .for_each(|(block, next)| {
+                let first = block * SWEEP;
+                let (spans, rhs) = (&spans[first..], &rhs[first..]);
+                for k in (0..next.len()).rev() {
+                    let span = spans[k];
+                    let old = &entries[span.start as usize..span.upper as usize];
+                    let new = &entries[span.upper as usize..spans[k + 1].start as usize];
+                    next[k] = rhs[k] + sum(old, x, 0) + sum(new, next, first);
                 }
-            }
-        }
-        offsets.push(entries.len());
+            });
+        std::mem::swap(&mut self.x, &mut self.next);
     }
-    let rows = |i: usize| entries[offsets[i]..offsets[i + 1]].iter().copied();
-    let fixed = vec![false; coarse_halo.total()];
-    PairMatrix::from_rows(&coarse_halo, rows, &fixed, Some(&shift))
 }
