@@ -41,6 +41,8 @@ mpi_checks! {
     coupled_ranks_agree,
     crowded_fibres_are_handed_out,
     multigrid_ranks_agree,
+    direct_solver_ranks_agree,
+    a_moved_node_is_seen_by_all,
     multigrid_where_strong_couplings_are_cut,
 }
 

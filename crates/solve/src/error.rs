@@ -48,6 +48,14 @@ pub enum SolveError {
         /// What it should be.
         expected: usize,
     },
+    /// The eigenvectors of a direction of a tensor-product mesh could not be computed.
+    #[error(
+        "the eigenvectors of a direction of {unknowns} nodes could not be computed: are its coordinates finite?"
+    )]
+    Eigenvectors {
+        /// Free nodes of the direction.
+        unknowns: usize,
+    },
     /// The last level of the multigrid hierarchy could not be factored.
     #[error(
         "the coarsest multigrid level of {unknowns} unknowns cannot be solved: is the mesh in several pieces, or cut \

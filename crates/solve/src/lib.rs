@@ -1,4 +1,4 @@
-//! Linear algebra the fluid needs: pair matrix, conjugate gradients, algebraic multigrid.
+//! Linear algebra the fluid needs: pair matrix, conjugate gradients, algebraic multigrid, direct solver.
 //!
 //! Fields are slices over the nodes of a rank, owned entries first. "Total" length includes the halo entries;
 //! operators bring the halo entries of what they read up to date themselves. All sums run over fixed blocks, so that
@@ -6,6 +6,7 @@
 
 mod amg;
 mod cg;
+mod direct;
 mod error;
 mod helmholtz;
 mod matrix;
@@ -15,6 +16,7 @@ mod vectors;
 
 pub use amg::{Amg, AmgSettings};
 pub use cg::{CgSettings, ConjugateGradients, NullSpace, SolveReport};
+pub use direct::Direct;
 pub use error::SolveError;
 pub use helmholtz::Helmholtz;
 pub use matrix::PairMatrix;

@@ -1,10 +1,12 @@
-//! Iterations do not touch the heap: a solve of twelve allocates as often as a solve of four.
+//! Iterations do not touch the heap: a solve of twelve allocates as often as a solve of four, and a direct solve not at
+//! all.
 
 mod common;
 
 use common::{Lattice, random};
+use fibreflow_mesh::{BoxMesh, Line, LocalMesh, Stretching, TensorGrid};
 use fibreflow_solve::{
-    Amg, AmgSettings, CgSettings, ConjugateGradients, Jacobi, NullSpace, PairMatrix,
+    Amg, AmgSettings, CgSettings, ConjugateGradients, Direct, Jacobi, NullSpace, PairMatrix,
     Preconditioner, SolveError,
 };
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -72,6 +74,47 @@ fn an_iteration_does_not_allocate() {
             let few = allocations(&matrix, preconditioner, &mut solver, 4);
             let many = allocations(&matrix, preconditioner, &mut solver, 12);
             assert_eq!(few, many);
+        }
+    });
+}
+
+/// Fourier transforms and products with eigenvectors, one component and three, and a new shift.
+#[test]
+fn a_direct_solve_does_not_allocate() {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    pool.expect("pool").install(|| {
+        for periodic in [[true, false, true], [true, false, false], [false; 3]] {
+            let mesh = BoxMesh {
+                cells: [12; 3],
+                periodic,
+                stretching: [
+                    Stretching::Uniform,
+                    Stretching::Tanh(2.0),
+                    Stretching::Uniform,
+                ],
+                ..BoxMesh::default()
+            };
+            let mesh = LocalMesh::single(mesh.build().expect("mesh"));
+            let grid = TensorGrid::detect(&mesh).expect("tensor grid");
+            let lines: [Line; 3] =
+                std::array::from_fn(|d| Line::second(&grid.coordinates[d], grid.periods[d]));
+            let free = [[false; 2]; 3];
+            let mut direct = Direct::new(&mesh.halo, &grid, &lines, free, 0.0).expect("direct");
+            let rhs = random(mesh.owned(), 3);
+            let mut x = vec![0.0; mesh.owned()];
+            let vectors = vec![[1.0, 2.0, 3.0, 0.0]; mesh.owned()];
+            let mut answer = vectors.clone();
+            let mut run = || {
+                let before = ALLOCATIONS.load(Ordering::Relaxed);
+                direct.solve(&rhs, &mut x);
+                direct.set(1.0, 0.1);
+                direct.solve_vectors(&vectors, &mut answer);
+                direct.set(0.0, 1.0);
+                ALLOCATIONS.load(Ordering::Relaxed) - before
+            };
+            run();
+            let (second, third) = (run(), run());
+            assert_eq!([second, third], [0, 0], "{periodic:?}");
         }
     });
 }

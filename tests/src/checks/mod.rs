@@ -8,6 +8,7 @@ use fibreflow_parallel::Communicator;
 mod contact;
 mod coupled;
 mod coupling;
+mod direct;
 mod distribution;
 mod fibres;
 mod geometry;
@@ -64,6 +65,11 @@ pub const CHECKS: &[(&str, Check)] = &[
         coupling::crowded_fibres_are_handed_out,
     ),
     ("multigrid_ranks_agree", poisson::ranks_agree),
+    ("direct_solver_ranks_agree", direct::ranks_agree),
+    (
+        "a_moved_node_is_seen_by_all",
+        direct::a_moved_node_is_seen_by_all,
+    ),
     (
         "multigrid_where_strong_couplings_are_cut",
         poisson::strong_couplings_cut,

@@ -1,0 +1,283 @@
+//! Transforms of a plane of two directions to modes and back.
+
+use super::spectrum;
+use crate::SolveError;
+use faer::linalg::matmul::matmul;
+use faer::{Accum, Mat, MatMut, MatRef, Par};
+use fibreflow_mesh::Line;
+use num_complex::Complex;
+use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
+use rustfft::{Fft, FftPlanner};
+use std::sync::Arc;
+
+/// Planes of `counts[1]` rows of `counts[0]` values to modes: Fourier where a direction is uniform and periodic (the
+/// first one then is), else eigenvectors.
+///
+/// | directions | modes | order |
+/// |---|---|---|
+/// | Fourier, Fourier | complex, (n_a/2 + 1) × n_b | b fastest |
+/// | Fourier, eigenvectors | complex, (n_a/2 + 1) × m_b | a fastest |
+/// | eigenvectors, eigenvectors | real, m_a × m_b | a fastest |
+pub(super) struct PlaneTransform {
+    pub counts: [usize; 2],
+    first: First,
+    second: Second,
+    /// λ_a + λ_b of every mode.
+    pub eigenvalues: Vec<f64>,
+    /// Forth and back multiply by the inverse of this and by H of the Fourier directions.
+    pub scale: f64,
+}
+
+enum First {
+    Fourier {
+        forward: Arc<dyn RealToComplex<f64>>,
+        inverse: Arc<dyn ComplexToReal<f64>>,
+    },
+    Dense(Mat<f64>),
+}
+
+enum Second {
+    Fourier {
+        forward: Arc<dyn Fft<f64>>,
+        inverse: Arc<dyn Fft<f64>>,
+    },
+    Dense(Mat<f64>),
+}
+
+/// Room for the transform of one plane.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Room {
+    /// Values, row-major (n_b, n_a).
+    pub values: Vec<f64>,
+    /// After the first direction, row-major (n_b, ·).
+    half: Vec<f64>,
+    /// See [`PlaneTransform`]; complex ones interleaved.
+    pub modes: Vec<f64>,
+    scratch: Vec<Complex<f64>>,
+}
+
+impl PlaneTransform {
+    /// Of two lines with their fixed ends. A Fourier direction, if any, must come first.
+    pub fn new(lines: [&Line; 2], fixed: [[bool; 2]; 2]) -> Result<Self, SolveError> {
+        let counts = lines.map(Line::len);
+        let mut scale = 1.0;
+        let mut fourier = |line: &Line| {
+            let (eigenvalues, norm) = spectrum::fourier(line)?;
+            scale /= norm * line.len() as f64;
+            Some(eigenvalues)
+        };
+        let (first, a) = match fourier(lines[0]) {
+            Some(mut eigenvalues) => {
+                let mut planner = RealFftPlanner::new();
+                eigenvalues.truncate(counts[0] / 2 + 1);
+                let forward = planner.plan_fft_forward(counts[0]);
+                let inverse = planner.plan_fft_inverse(counts[0]);
+                (First::Fourier { forward, inverse }, eigenvalues)
+            }
+            None => {
+                let (eigenvalues, vectors) = spectrum::dense(lines[0], fixed[0])?;
+                (First::Dense(vectors), eigenvalues)
+            }
+        };
+        let second = match first {
+            First::Fourier { .. } => fourier(lines[1]),
+            First::Dense(_) => None,
+        };
+        let (second, b, b_is_fastest) = match second {
+            Some(eigenvalues) => {
+                let mut planner = FftPlanner::new();
+                let forward = planner.plan_fft_forward(counts[1]);
+                let inverse = planner.plan_fft_inverse(counts[1]);
+                (Second::Fourier { forward, inverse }, eigenvalues, true)
+            }
+            None => {
+                let (eigenvalues, vectors) = spectrum::dense(lines[1], fixed[1])?;
+                (Second::Dense(vectors), eigenvalues, false)
+            }
+        };
+        let eigenvalues = if b_is_fastest {
+            a.iter()
+                .flat_map(|a| b.iter().map(move |b| a + b))
+                .collect()
+        } else {
+            b.iter()
+                .flat_map(|b| a.iter().map(move |a| a + b))
+                .collect()
+        };
+        Ok(Self {
+            counts,
+            first,
+            second,
+            eigenvalues,
+            scale,
+        })
+    }
+
+    /// True when a mode is a complex number.
+    pub fn is_complex(&self) -> bool {
+        matches!(self.first, First::Fourier { .. })
+    }
+
+    /// True when constants are in the first mode only.
+    pub fn is_fourier(&self) -> bool {
+        matches!(self.second, Second::Fourier { .. })
+    }
+
+    /// What the directions are transformed by.
+    pub fn names(&self) -> [&'static str; 2] {
+        let name = |fourier| if fourier { "FFT" } else { "eigenvectors" };
+        [name(self.is_complex()), name(self.is_fourier())]
+    }
+
+    /// Floating-point operations of one transform: 5 n log₂ n of a complex Fourier transform, half of it for a real
+    /// one, 2 n m of a product with eigenvectors.
+    pub fn operations(&self) -> f64 {
+        let [n_a, n_b] = self.counts.map(|n| n as f64);
+        let lanes = if self.is_complex() { 2.0 } else { 1.0 };
+        let first = match &self.first {
+            First::Fourier { .. } => 2.5 * n_a * n_a.log2() * n_b,
+            First::Dense(v) => 2.0 * n_a * v.ncols() as f64 * n_b,
+        };
+        let rows = lanes * self.width() as f64;
+        let second = match &self.second {
+            Second::Fourier { .. } => 0.5 * rows * 5.0 * n_b * n_b.log2(),
+            Second::Dense(v) => 2.0 * n_b * v.ncols() as f64 * rows,
+        };
+        first + second
+    }
+
+    /// Modes of the first direction.
+    fn width(&self) -> usize {
+        match &self.first {
+            First::Fourier { .. } => self.counts[0] / 2 + 1,
+            First::Dense(vectors) => vectors.ncols(),
+        }
+    }
+
+    /// Room for one plane.
+    pub fn room(&self) -> Room {
+        let lanes = if self.is_complex() { 2 } else { 1 };
+        let mut scratch = match &self.first {
+            First::Fourier { forward, inverse } => {
+                forward.get_scratch_len().max(inverse.get_scratch_len())
+            }
+            First::Dense(_) => 0,
+        };
+        if let Second::Fourier { forward, inverse } = &self.second {
+            scratch = scratch
+                .max(forward.get_inplace_scratch_len())
+                .max(inverse.get_inplace_scratch_len());
+        }
+        Room {
+            values: vec![0.0; self.counts[0] * self.counts[1]],
+            half: vec![0.0; lanes * self.width() * self.counts[1]],
+            modes: vec![0.0; lanes * self.eigenvalues.len()],
+            scratch: vec![Complex::default(); scratch],
+        }
+    }
+
+    /// From `values` to `modes`; destroys `values`.
+    pub fn forward(&self, room: &mut Room) {
+        let ([n_a, n_b], width) = (self.counts, self.width());
+        match &self.first {
+            First::Fourier { forward, .. } => {
+                let half: &mut [Complex<f64>] = bytemuck::cast_slice_mut(&mut room.half);
+                let rows = room.values.chunks_exact_mut(n_a);
+                for (row, half) in rows.zip(half.chunks_exact_mut(width)) {
+                    let done = forward.process_with_scratch(row, half, &mut room.scratch);
+                    debug_assert!(done.is_ok());
+                }
+            }
+            First::Dense(vectors) => {
+                let values = MatRef::from_row_major_slice(&room.values, n_b, n_a);
+                let half = MatMut::from_row_major_slice_mut(&mut room.half, n_b, width);
+                matmul(half, Accum::Replace, values, vectors, 1.0, Par::Seq);
+            }
+        }
+        match &self.second {
+            Second::Fourier { forward, .. } => {
+                let modes: &mut [Complex<f64>] = bytemuck::cast_slice_mut(&mut room.modes);
+                transpose(bytemuck::cast_slice(&room.half), modes, n_b, width);
+                if n_b > 1 {
+                    forward.process_with_scratch(modes, &mut room.scratch);
+                }
+            }
+            Second::Dense(vectors) => {
+                let columns = room.half.len() / n_b;
+                let half = MatRef::from_row_major_slice(&room.half, n_b, columns);
+                let modes =
+                    MatMut::from_row_major_slice_mut(&mut room.modes, vectors.ncols(), columns);
+                matmul(
+                    modes,
+                    Accum::Replace,
+                    vectors.transpose(),
+                    half,
+                    1.0,
+                    Par::Seq,
+                );
+            }
+        }
+    }
+
+    /// From `modes` to `values`; destroys `modes`.
+    pub fn inverse(&self, room: &mut Room) {
+        let ([n_a, n_b], width) = (self.counts, self.width());
+        match &self.second {
+            Second::Fourier { inverse, .. } => {
+                let modes: &mut [Complex<f64>] = bytemuck::cast_slice_mut(&mut room.modes);
+                if n_b > 1 {
+                    inverse.process_with_scratch(modes, &mut room.scratch);
+                }
+                transpose(modes, bytemuck::cast_slice_mut(&mut room.half), width, n_b);
+            }
+            Second::Dense(vectors) => {
+                let columns = room.half.len() / n_b;
+                let modes = MatRef::from_row_major_slice(&room.modes, vectors.ncols(), columns);
+                let half = MatMut::from_row_major_slice_mut(&mut room.half, n_b, columns);
+                matmul(half, Accum::Replace, vectors, modes, 1.0, Par::Seq);
+            }
+        }
+        match &self.first {
+            First::Fourier { inverse, .. } => {
+                let half: &mut [Complex<f64>] = bytemuck::cast_slice_mut(&mut room.half);
+                let rows = room.values.chunks_exact_mut(n_a);
+                for (row, half) in rows.zip(half.chunks_exact_mut(width)) {
+                    // Round-off in what is zero for real values.
+                    half[0].im = 0.0;
+                    if n_a.is_multiple_of(2) {
+                        half[width - 1].im = 0.0;
+                    }
+                    let done = inverse.process_with_scratch(half, row, &mut room.scratch);
+                    debug_assert!(done.is_ok());
+                }
+            }
+            First::Dense(vectors) => {
+                let half = MatRef::from_row_major_slice(&room.half, n_b, width);
+                let values = MatMut::from_row_major_slice_mut(&mut room.values, n_b, n_a);
+                matmul(
+                    values,
+                    Accum::Replace,
+                    half,
+                    vectors.transpose(),
+                    1.0,
+                    Par::Seq,
+                );
+            }
+        }
+    }
+}
+
+/// `to` (columns, rows) from `from` (rows, columns), in blocks that fit a cache line a row.
+fn transpose(from: &[Complex<f64>], to: &mut [Complex<f64>], rows: usize, columns: usize) {
+    const BLOCK: usize = 8;
+    for first_row in (0..rows).step_by(BLOCK) {
+        let last_row = rows.min(first_row + BLOCK);
+        for first in (0..columns).step_by(BLOCK) {
+            for column in first..columns.min(first + BLOCK) {
+                for row in first_row..last_row {
+                    to[column * rows + row] = from[row * columns + column];
+                }
+            }
+        }
+    }
+}
