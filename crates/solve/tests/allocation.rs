@@ -60,7 +60,13 @@ fn allocations(
     after - before
 }
 
+/// One test: the count is that of the whole process.
 #[test]
+fn solves_do_not_allocate() {
+    an_iteration_does_not_allocate();
+    a_direct_solve_does_not_allocate();
+}
+
 fn an_iteration_does_not_allocate() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     pool.expect("pool").install(|| {
@@ -79,7 +85,6 @@ fn an_iteration_does_not_allocate() {
 }
 
 /// Fourier transforms and products with eigenvectors, one component and three, and a new shift.
-#[test]
 fn a_direct_solve_does_not_allocate() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     pool.expect("pool").install(|| {
