@@ -9,6 +9,8 @@
 //! to whoever has their plane, planes are transposed to blocks of modes, and back.
 
 mod banded;
+#[cfg_attr(not(feature = "fft"), path = "no_fourier.rs")]
+mod fourier;
 mod plane;
 mod slabs;
 mod spectrum;
@@ -542,7 +544,9 @@ impl Direct {
 /// The directions inside a plane, across its rows and banded: the largest direction that no Fourier transform takes is
 /// banded, else the larger of y and z; Fourier transforms come first.
 fn roles(lines: &[Line; 3]) -> [usize; 3] {
-    let fourier = [0, 1, 2].map(|d| spectrum::fourier(&lines[d]).is_some());
+    let fourier = lines
+        .each_ref()
+        .map(|line| spectrum::fourier(line).is_some());
     let others = (0..3).filter(|&d| !fourier[d]);
     let banded = others.max_by_key(|&d| lines[d].len());
     let banded = banded.unwrap_or(if lines[2].len() >= lines[1].len() {

@@ -1,14 +1,11 @@
 //! Transforms of a plane of two directions to modes and back.
 
+use super::fourier::{ComplexLines, RealLines, Scratch};
 use super::spectrum;
 use crate::SolveError;
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatMut, MatRef, Par};
 use fibreflow_mesh::Line;
-use num_complex::Complex;
-use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
-use rustfft::{Fft, FftPlanner};
-use std::sync::Arc;
 
 /// Planes of `counts[1]` rows of `counts[0]` values to modes: Fourier where a direction is uniform and periodic (the
 /// first one then is), else eigenvectors.
@@ -29,18 +26,12 @@ pub(super) struct PlaneTransform {
 }
 
 enum First {
-    Fourier {
-        forward: Arc<dyn RealToComplex<f64>>,
-        inverse: Arc<dyn ComplexToReal<f64>>,
-    },
+    Fourier(RealLines),
     Dense(Mat<f64>),
 }
 
 enum Second {
-    Fourier {
-        forward: Arc<dyn Fft<f64>>,
-        inverse: Arc<dyn Fft<f64>>,
-    },
+    Fourier(ComplexLines),
     Dense(Mat<f64>),
 }
 
@@ -53,7 +44,7 @@ pub(super) struct Room {
     half: Vec<f64>,
     /// See [`PlaneTransform`]; complex ones interleaved.
     pub modes: Vec<f64>,
-    scratch: Vec<Complex<f64>>,
+    scratch: Scratch,
 }
 
 impl PlaneTransform {
@@ -66,30 +57,25 @@ impl PlaneTransform {
             scale /= norm * line.len() as f64;
             Some(eigenvalues)
         };
-        let (first, a) = match fourier(lines[0]) {
-            Some(mut eigenvalues) => {
-                let mut planner = RealFftPlanner::new();
+        let lines_a = RealLines::new(counts[0]).and_then(|t| Some((t, fourier(lines[0])?)));
+        let (first, a) = match lines_a {
+            Some((transform, mut eigenvalues)) => {
                 eigenvalues.truncate(counts[0] / 2 + 1);
-                let forward = planner.plan_fft_forward(counts[0]);
-                let inverse = planner.plan_fft_inverse(counts[0]);
-                (First::Fourier { forward, inverse }, eigenvalues)
+                (First::Fourier(transform), eigenvalues)
             }
             None => {
                 let (eigenvalues, vectors) = spectrum::dense(lines[0], fixed[0])?;
                 (First::Dense(vectors), eigenvalues)
             }
         };
-        let second = match first {
-            First::Fourier { .. } => fourier(lines[1]),
+        let lines_b = match first {
+            First::Fourier(_) => {
+                ComplexLines::new(counts[1]).and_then(|t| Some((t, fourier(lines[1])?)))
+            }
             First::Dense(_) => None,
         };
-        let (second, b, b_is_fastest) = match second {
-            Some(eigenvalues) => {
-                let mut planner = FftPlanner::new();
-                let forward = planner.plan_fft_forward(counts[1]);
-                let inverse = planner.plan_fft_inverse(counts[1]);
-                (Second::Fourier { forward, inverse }, eigenvalues, true)
-            }
+        let (second, b, b_is_fastest) = match lines_b {
+            Some((transform, eigenvalues)) => (Second::Fourier(transform), eigenvalues, true),
             None => {
                 let (eigenvalues, vectors) = spectrum::dense(lines[1], fixed[1])?;
                 (Second::Dense(vectors), eigenvalues, false)
@@ -115,12 +101,12 @@ impl PlaneTransform {
 
     /// True when a mode is a complex number.
     pub fn is_complex(&self) -> bool {
-        matches!(self.first, First::Fourier { .. })
+        matches!(self.first, First::Fourier(_))
     }
 
     /// True when constants are in the first mode only.
     pub fn is_fourier(&self) -> bool {
-        matches!(self.second, Second::Fourier { .. })
+        matches!(self.second, Second::Fourier(_))
     }
 
     /// What the directions are transformed by.
@@ -135,12 +121,12 @@ impl PlaneTransform {
         let [n_a, n_b] = self.counts.map(|n| n as f64);
         let lanes = if self.is_complex() { 2.0 } else { 1.0 };
         let first = match &self.first {
-            First::Fourier { .. } => 2.5 * n_a * n_a.log2() * n_b,
+            First::Fourier(_) => 2.5 * n_a * n_a.log2() * n_b,
             First::Dense(v) => 2.0 * n_a * v.ncols() as f64 * n_b,
         };
         let rows = lanes * self.width() as f64;
         let second = match &self.second {
-            Second::Fourier { .. } => 0.5 * rows * 5.0 * n_b * n_b.log2(),
+            Second::Fourier(_) => 0.5 * rows * 5.0 * n_b * n_b.log2(),
             Second::Dense(v) => 2.0 * n_b * v.ncols() as f64 * rows,
         };
         first + second
@@ -149,7 +135,7 @@ impl PlaneTransform {
     /// Modes of the first direction.
     fn width(&self) -> usize {
         match &self.first {
-            First::Fourier { .. } => self.counts[0] / 2 + 1,
+            First::Fourier(_) => self.counts[0] / 2 + 1,
             First::Dense(vectors) => vectors.ncols(),
         }
     }
@@ -157,22 +143,19 @@ impl PlaneTransform {
     /// Room for one plane.
     pub fn room(&self) -> Room {
         let lanes = if self.is_complex() { 2 } else { 1 };
-        let mut scratch = match &self.first {
-            First::Fourier { forward, inverse } => {
-                forward.get_scratch_len().max(inverse.get_scratch_len())
-            }
+        let first = match &self.first {
+            First::Fourier(lines) => lines.scratch(),
             First::Dense(_) => 0,
         };
-        if let Second::Fourier { forward, inverse } = &self.second {
-            scratch = scratch
-                .max(forward.get_inplace_scratch_len())
-                .max(inverse.get_inplace_scratch_len());
-        }
+        let second = match &self.second {
+            Second::Fourier(lines) => lines.scratch(),
+            Second::Dense(_) => 0,
+        };
         Room {
             values: vec![0.0; self.counts[0] * self.counts[1]],
             half: vec![0.0; lanes * self.width() * self.counts[1]],
             modes: vec![0.0; lanes * self.eigenvalues.len()],
-            scratch: vec![Complex::default(); scratch],
+            scratch: vec![Default::default(); first.max(second)],
         }
     }
 
@@ -180,13 +163,8 @@ impl PlaneTransform {
     pub fn forward(&self, room: &mut Room) {
         let ([n_a, n_b], width) = (self.counts, self.width());
         match &self.first {
-            First::Fourier { forward, .. } => {
-                let half: &mut [Complex<f64>] = bytemuck::cast_slice_mut(&mut room.half);
-                let rows = room.values.chunks_exact_mut(n_a);
-                for (row, half) in rows.zip(half.chunks_exact_mut(width)) {
-                    let done = forward.process_with_scratch(row, half, &mut room.scratch);
-                    debug_assert!(done.is_ok());
-                }
+            First::Fourier(lines) => {
+                lines.forward(&mut room.values, &mut room.half, &mut room.scratch);
             }
             First::Dense(vectors) => {
                 let values = MatRef::from_row_major_slice(&room.values, n_b, n_a);
@@ -195,12 +173,9 @@ impl PlaneTransform {
             }
         }
         match &self.second {
-            Second::Fourier { forward, .. } => {
-                let modes: &mut [Complex<f64>] = bytemuck::cast_slice_mut(&mut room.modes);
-                transpose(bytemuck::cast_slice(&room.half), modes, n_b, width);
-                if n_b > 1 {
-                    forward.process_with_scratch(modes, &mut room.scratch);
-                }
+            Second::Fourier(lines) => {
+                transpose(&room.half, &mut room.modes, n_b, width);
+                lines.forward(&mut room.modes, &mut room.scratch);
             }
             Second::Dense(vectors) => {
                 let columns = room.half.len() / n_b;
@@ -223,12 +198,9 @@ impl PlaneTransform {
     pub fn inverse(&self, room: &mut Room) {
         let ([n_a, n_b], width) = (self.counts, self.width());
         match &self.second {
-            Second::Fourier { inverse, .. } => {
-                let modes: &mut [Complex<f64>] = bytemuck::cast_slice_mut(&mut room.modes);
-                if n_b > 1 {
-                    inverse.process_with_scratch(modes, &mut room.scratch);
-                }
-                transpose(modes, bytemuck::cast_slice_mut(&mut room.half), width, n_b);
+            Second::Fourier(lines) => {
+                lines.inverse(&mut room.modes, &mut room.scratch);
+                transpose(&room.modes, &mut room.half, width, n_b);
             }
             Second::Dense(vectors) => {
                 let columns = room.half.len() / n_b;
@@ -238,18 +210,8 @@ impl PlaneTransform {
             }
         }
         match &self.first {
-            First::Fourier { inverse, .. } => {
-                let half: &mut [Complex<f64>] = bytemuck::cast_slice_mut(&mut room.half);
-                let rows = room.values.chunks_exact_mut(n_a);
-                for (row, half) in rows.zip(half.chunks_exact_mut(width)) {
-                    // Round-off in what is zero for real values.
-                    half[0].im = 0.0;
-                    if n_a.is_multiple_of(2) {
-                        half[width - 1].im = 0.0;
-                    }
-                    let done = inverse.process_with_scratch(half, row, &mut room.scratch);
-                    debug_assert!(done.is_ok());
-                }
+            First::Fourier(lines) => {
+                lines.inverse(&mut room.half, &mut room.values, &mut room.scratch);
             }
             First::Dense(vectors) => {
                 let half = MatRef::from_row_major_slice(&room.half, n_b, width);
@@ -267,8 +229,9 @@ impl PlaneTransform {
     }
 }
 
-/// `to` (columns, rows) from `from` (rows, columns), in blocks that fit a cache line a row.
-fn transpose(from: &[Complex<f64>], to: &mut [Complex<f64>], rows: usize, columns: usize) {
+/// Complex `to` (columns, rows) from `from` (rows, columns), in blocks that fit a cache line a row.
+fn transpose(from: &[f64], to: &mut [f64], rows: usize, columns: usize) {
+    let (from, to) = (from.as_chunks::<2>().0, to.as_chunks_mut::<2>().0);
     const BLOCK: usize = 8;
     for first_row in (0..rows).step_by(BLOCK) {
         let last_row = rows.min(first_row + BLOCK);
