@@ -280,7 +280,7 @@ impl Direct {
             transposition,
             ..
         } = work;
-        transposition.to_modes(&self.shares, planes, modes);
+        transposition.bring_to_modes(&self.shares, planes, modes);
         let parts = self.parts(shape[1]);
         let in_first_mode = self.singular && self.transform.is_fourier();
         if in_first_mode {
@@ -290,7 +290,7 @@ impl Direct {
         if in_first_mode {
             self.take_mean_out(modes, parts);
         }
-        transposition.to_planes(&self.shares, planes, modes);
+        transposition.bring_to_planes(&self.shares, planes, modes);
         match (&self.slabs, work.slab.take()) {
             (Some(slabs), Some(mut room)) => {
                 self.to_values(work, &mut room.values, shape[1]);

@@ -77,7 +77,7 @@ impl Transposition {
     }
 
     /// Brings the planes of other ranks into `modes`: (own block, plane, part, lane). Collective.
-    pub fn to_modes(&mut self, shares: &Shares, planes: usize, modes: &mut [f64]) {
+    pub fn bring_to_modes(&mut self, shares: &Shares, planes: usize, modes: &mut [f64]) {
         if shares.planes.len() == 1 {
             return;
         }
@@ -93,7 +93,7 @@ impl Transposition {
     }
 
     /// The way back. Collective.
-    pub fn to_planes(&mut self, shares: &Shares, planes: usize, modes: &[f64]) {
+    pub fn bring_to_planes(&mut self, shares: &Shares, planes: usize, modes: &[f64]) {
         if shares.planes.len() == 1 {
             return;
         }
