@@ -1,11 +1,12 @@
 //! The incompressible solver: one step is `predict`, then `project`.
 
 use crate::boundary::Boundary;
+use crate::creeping::Creeping;
 use crate::mismatch::Mismatch;
 use crate::operators::Operators;
 use crate::predict::Momentum;
 use crate::project::Pressure;
-use crate::{DiffusionChoice, FluidError, FluidSettings, Forcing};
+use crate::{DiffusionChoice, FluidError, FluidSettings, Forcing, Inertia};
 use fibreflow_mesh::{DualGeometry, LocalMesh};
 use std::sync::Arc;
 
@@ -26,6 +27,8 @@ pub struct Fluid {
     pub(crate) momentum: Momentum,
     pub(crate) poisson: Pressure,
     pub(crate) mismatch: Mismatch,
+    /// What a flow without inertia needs; none in a flow with it.
+    pub(crate) creeping: Option<Creeping>,
     /// u \[m/s\], point values at nodes (x, y, z, 0); valid between steps.
     pub(crate) velocity: Vec<[f64; 4]>,
     /// p/ρ \[m²/s²\]; valid between steps.
@@ -85,6 +88,15 @@ impl Fluid {
         let (total, entries) = (mesh.total(), operators.flux_length());
         let given = mesh.halo.communicator().any(!boundary.given.is_empty());
         let mut fluid = Self {
+            creeping: match settings.inertia {
+                Inertia::Full => None,
+                Inertia::Steady | Inertia::Linear => Some(Creeping::new(
+                    &mesh,
+                    &operators,
+                    &boundary,
+                    settings.kinematic_viscosity(),
+                )?),
+            },
             momentum: Momentum::new(&mesh, &geometry, &boundary)?,
             poisson: Pressure::new(
                 &mesh,
@@ -165,11 +177,14 @@ impl Fluid {
         Ok(())
     }
 
-    /// One step of size `dt` \[s\]: predict, project. Collective.
+    /// One step of size `dt` \[s\]: predict, project; without convection one Stokes problem. Collective.
     ///
     /// # Errors
     /// A solve that does not converge; a value that is not finite, with its field, node and position.
     pub fn advance(&mut self, dt: f64) -> Result<StepReport, FluidError> {
+        if self.creeping.is_some() {
+            return self.creep(dt);
+        }
         let prediction = self.predict(dt)?;
         let solve = self.project(dt)?;
         self.check_finite()?;

@@ -2,6 +2,7 @@
 //! convection, explicit or implicit diffusion, incremental projection with solenoidal pair fluxes.
 
 mod boundary;
+mod creeping;
 mod diagnostics;
 mod diffusion;
 mod error;
@@ -23,5 +24,5 @@ pub use error::FluidError;
 pub use fluid::{Fluid, StepReport};
 pub use loads::PatchLoad;
 pub use predict::Prediction;
-pub use settings::{Diffusion, FluidSettings, Forcing, PressurePreconditioner};
+pub use settings::{Diffusion, FluidSettings, Forcing, Inertia, PressurePreconditioner};
 pub use state::FluidState;

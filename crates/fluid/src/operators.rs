@@ -240,6 +240,30 @@ impl Operators {
         })
     }
 
+    /// F −= c_ij w_ij (p_j − p_i) with c_ij = `coefficient`(i, j, (S, w)) symmetric; p is valid. Returns
+    /// max ½ Σ_j |F_ij|/V_i over the owned rows \[1/s\].
+    pub fn subtract_pair_gradient(
+        &self,
+        p: &[f64],
+        coefficient: impl Fn(usize, usize, &[f64; 4]) -> f64 + Sync,
+        flux: &mut [f64],
+    ) -> f64 {
+        let geometry = &*self.geometry;
+        let rows = self.halo.owned();
+        let out = (&mut nothing(rows)[..], &mut nothing(rows)[..]);
+        rows::with_entries(&geometry.offsets, flux, out, largest, |i, flux, (), ()| {
+            let range = geometry.row(i);
+            let entries = geometry.columns[range.clone()].iter();
+            let mut size = 0.0;
+            for ((flux, &j), s) in flux.iter_mut().zip(entries).zip(&geometry.faces[range]) {
+                let j = j as usize;
+                *flux -= coefficient(i, j, s) * s[3] * (p[j] - p[i]);
+                size += flux.abs();
+            }
+            0.5 * size * self.inverse_volumes[i]
+        })
+    }
+
     /// Σ_j F_ij of one row.
     pub fn flux_sum(&self, flux: &[f64], i: usize) -> f64 {
         flux[self.geometry.row(i)].iter().sum()

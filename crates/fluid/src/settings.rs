@@ -25,6 +25,11 @@ pub struct FluidSettings {
     pub cleaning_cycles: usize,
     /// How viscous terms are advanced in time.
     pub diffusion: Diffusion,
+    /// Which inertia the flow has.
+    pub inertia: Inertia,
+    /// In a flow without convection: where nothing resists a uniform flow (periodic boxes), the net force is balanced by
+    /// a uniform pressure gradient and the mean velocity kept. Always so in steady flow.
+    pub hold_mean_velocity: bool,
 }
 
 /// How viscous terms are advanced in time.
@@ -37,6 +42,18 @@ pub enum Diffusion {
     Explicit,
     /// Implicitly (Crank–Nicolson).
     Implicit,
+}
+
+/// Which inertia a flow has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Inertia {
+    /// Navier–Stokes.
+    #[default]
+    Full,
+    /// ∂u/∂t but no convection: unsteady Stokes flow.
+    Linear,
+    /// None: every step is a steady Stokes flow under the forces of the moment.
+    Steady,
 }
 
 /// Preconditioner of the pressure solve.
@@ -67,6 +84,8 @@ impl FluidSettings {
             preconditioner: PressurePreconditioner::default(),
             cleaning_cycles: 2,
             diffusion: Diffusion::default(),
+            inertia: Inertia::default(),
+            hold_mean_velocity: false,
         }
     }
 
@@ -89,6 +108,9 @@ impl FluidSettings {
         positive("density", self.density)?;
         if self.viscosity != 0.0 {
             positive("viscosity", self.viscosity)?;
+        }
+        if self.inertia != Inertia::Full {
+            positive("viscosity of a creeping flow", self.viscosity)?;
         }
         if let Forcing::BulkVelocity { direction, value } = &self.forcing {
             positive("length of the bulk direction", length(*direction))?;

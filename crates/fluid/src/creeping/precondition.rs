@@ -1,0 +1,192 @@
+//! Block-triangular preconditioner: viscous solves, then the pressure that the divergence of their answer asks for.
+//!
+//! ũ = Â⁻¹ r_u,   p̃ = Ŝ⁻¹ (r_p − D ũ),   Ŝ⁻¹ = ν M⁻¹ + s L⁻¹
+//!
+//! (Cahouet & Chabert 1988): M the dual volumes, L the compact Poisson operator, s the rate of the time step.
+
+use crate::boundary::Boundary;
+use crate::operators::Operators;
+use crate::rows::{self, nothing};
+use fibreflow_mesh::LocalMesh;
+use fibreflow_solve::{
+    Amg, AmgSettings, CgSettings, ConjugateGradients, NullSpace, PairMatrix, SolveError,
+};
+
+/// Residual reduction of the inner solves.
+const INNER: CgSettings = CgSettings {
+    relative_tolerance: 0.1,
+    absolute_tolerance: 0.0,
+    max_iterations: 200,
+};
+
+/// One scalar equation with its multigrid.
+struct Scalar {
+    matrix: PairMatrix,
+    multigrid: Amg,
+    null_space: NullSpace,
+}
+
+impl Scalar {
+    fn new(
+        mesh: &LocalMesh,
+        operators: &Operators,
+        fixed: &[bool],
+        shift: Option<&[f64]>,
+    ) -> Result<Self, SolveError> {
+        let matrix = PairMatrix::new(mesh, &operators.geometry, fixed, shift)?;
+        let null_space = if matrix.is_singular() {
+            NullSpace::Constant
+        } else {
+            NullSpace::None
+        };
+        Ok(Self {
+            multigrid: Amg::new(&matrix, AmgSettings::default())?,
+            matrix,
+            null_space,
+        })
+    }
+}
+
+pub(super) struct BlockPreconditioner {
+    /// Nodes whose velocity component is fixed, total, and which of `viscous` solves each component.
+    fixed: Vec<Vec<bool>>,
+    solver: [usize; 3],
+    /// V (s/ν − L) by kind of component.
+    viscous: Vec<Scalar>,
+    /// −V L for the pressure; needed in time-dependent flow.
+    poisson: Option<Scalar>,
+    /// s that `viscous` was built for.
+    rate: f64,
+    krylov: ConjugateGradients<f64>,
+    /// Owned and total.
+    rhs: Vec<f64>,
+    answer: Vec<f64>,
+}
+
+impl BlockPreconditioner {
+    pub fn new(mesh: &LocalMesh, boundary: &Boundary) -> Self {
+        let mut masks: [Vec<bool>; 3] = std::array::from_fn(|_| boundary.velocity_fixed.clone());
+        let mut marks = vec![0u8; mesh.total()];
+        for constraint in &boundary.constraints {
+            for c in 0..3 {
+                // A slip plane across axis c.
+                if constraint.projector[c][c] < 1e-9 {
+                    marks[constraint.node as usize] |= 1 << c;
+                }
+            }
+        }
+        mesh.halo.update(&mut marks);
+        for (c, mask) in masks.iter_mut().enumerate() {
+            mask.iter_mut()
+                .zip(&marks)
+                .for_each(|(m, mark)| *m |= mark & (1 << c) != 0);
+        }
+        let (mut fixed, mut solver) = (Vec::<Vec<bool>>::new(), [0; 3]);
+        for (c, mask) in masks.into_iter().enumerate() {
+            let differs = |f: &Vec<bool>| mesh.halo.communicator().any(*f != mask);
+            let same: Vec<bool> = fixed.iter().map(|f| !differs(f)).collect();
+            solver[c] = same.iter().position(|&s| s).unwrap_or_else(|| {
+                fixed.push(mask);
+                fixed.len() - 1
+            });
+        }
+        Self {
+            fixed,
+            solver,
+            viscous: Vec::new(),
+            poisson: None,
+            rate: f64::NAN,
+            krylov: ConjugateGradients::new(),
+            rhs: vec![0.0; mesh.owned()],
+            answer: vec![0.0; mesh.total()],
+        }
+    }
+
+    /// Fits the hierarchies to a rate s \[1/s\]. Collective.
+    pub fn prepare(
+        &mut self,
+        mesh: &LocalMesh,
+        operators: &Operators,
+        boundary: &Boundary,
+        (rate, viscosity): (f64, f64),
+    ) -> Result<(), SolveError> {
+        if rate != self.rate {
+            let shift: Vec<f64> = operators
+                .volumes()
+                .iter()
+                .map(|v| rate / viscosity * v)
+                .collect();
+            self.viscous.clear();
+            for fixed in &self.fixed {
+                self.viscous
+                    .push(Scalar::new(mesh, operators, fixed, Some(&shift))?);
+            }
+            self.rate = rate;
+        }
+        if rate > 0.0 && self.poisson.is_none() {
+            self.poisson = Some(Scalar::new(
+                mesh,
+                operators,
+                &boundary.pressure_fixed,
+                None,
+            )?);
+        }
+        Ok(())
+    }
+
+    /// z from r; the halo of z is not set.
+    pub fn apply(
+        &mut self,
+        operators: &Operators,
+        boundary: &Boundary,
+        (rate, viscosity): (f64, f64),
+        r: &[[f64; 4]],
+        z: &mut [[f64; 4]],
+    ) -> Result<(), SolveError> {
+        let volumes = operators.volumes();
+        for c in 0..3 {
+            rows::each(&mut self.rhs, |i, rhs| *rhs = r[i][c] / viscosity);
+            self.answer.fill(0.0);
+            let scalar = &mut self.viscous[self.solver[c]];
+            self.krylov.solve(
+                &scalar.matrix,
+                &mut scalar.multigrid,
+                &self.rhs,
+                &mut self.answer,
+                &INNER,
+                scalar.null_space,
+            )?;
+            let answer = &self.answer;
+            rows::each(&mut z[..r.len()], |i, z| z[c] = answer[i]);
+        }
+        for constraint in &boundary.constraints {
+            let z = &mut z[constraint.node as usize];
+            *z = constraint.admit(*z);
+        }
+        let out = (&mut self.rhs[..], &mut nothing(r.len())[..]);
+        operators.divergence(z, out, |i, divergence, rhs, ()| *rhs = r[i][3] - divergence);
+        for &(i, _) in &boundary.outlets {
+            self.rhs[i as usize] = 0.0;
+        }
+        let rhs = &self.rhs;
+        rows::each(&mut z[..r.len()], |i, z| {
+            z[3] = viscosity / volumes[i] * rhs[i]
+        });
+        if rate > 0.0
+            && let Some(scalar) = &mut self.poisson
+        {
+            self.answer.fill(0.0);
+            self.krylov.solve(
+                &scalar.matrix,
+                &mut scalar.multigrid,
+                &self.rhs,
+                &mut self.answer,
+                &INNER,
+                scalar.null_space,
+            )?;
+            let answer = &self.answer;
+            rows::each(&mut z[..r.len()], |i, z| z[3] += rate * answer[i]);
+        }
+        Ok(())
+    }
+}
