@@ -168,7 +168,7 @@ impl Fluid {
     /// Pressure and history as before the first step.
     fn restart_history(&mut self) -> Result<(), FluidError> {
         self.time = 0.0;
-        self.boundary.restart()?;
+        self.boundary.restart(&self.velocity)?;
         self.last_dt = 0.0;
         self.steps = 0;
         self.pressure.fill(0.0);

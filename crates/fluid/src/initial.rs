@@ -2,6 +2,7 @@
 //!
 //! [`crate::Fluid::set_velocity`] takes any of them and projects it.
 
+use crate::settings::cross;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::{PI, TAU};
@@ -193,14 +194,6 @@ impl Waves {
         }
         (value, curl)
     }
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
 }
 
 fn magnitude(v: [f64; 3]) -> f64 {

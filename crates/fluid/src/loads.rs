@@ -1,7 +1,7 @@
 //! Forces, torques and flow on the patches of the boundary.
 
 use crate::boundary::Through;
-use crate::settings::{dot, length};
+use crate::settings::{cross, dot, length};
 use crate::{BoundaryCondition, Fluid};
 use fibreflow_mesh::BoundaryNode;
 
@@ -163,12 +163,4 @@ impl Fluid {
         let first = all.partition_point(|s| s.node < node);
         all[first..].iter().take_while(move |s| s.node == node)
     }
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
 }

@@ -166,7 +166,7 @@ impl Fluid {
         let (step, passed) = (&SUB_STEPS[k], PASSED[k] * dt);
         if diffusion.implicit {
             self.explicit_part(step, dt);
-            self.move_boundary(passed);
+            self.move_boundary(passed, step, dt);
             self.implicit_part(step, dt, settings)
         } else {
             self.explicit_sub_step(step, dt, passed);
@@ -175,9 +175,11 @@ impl Fluid {
     }
 
     /// Given velocities `passed` \[s\] after the start of the step; implicit diffusion sees them in the sub-step.
-    fn move_boundary(&mut self, passed: f64) {
+    fn move_boundary(&mut self, passed: f64, step: &SubStep, dt: f64) {
         if self.boundary.moves {
             self.boundary.move_to(self.time + passed);
+            let weights = [step.gamma, step.zeta];
+            self.boundary.convect_outflow(&self.velocity, dt, weights);
         }
     }
 
@@ -214,7 +216,7 @@ impl Fluid {
             },
         );
         self.flow_through(gamma, true);
-        self.move_boundary(passed);
+        self.move_boundary(passed, step, dt);
         self.confine_sub_step();
         std::mem::swap(&mut self.velocity, &mut self.momentum.next);
     }

@@ -3,7 +3,7 @@
 use super::{Signal, VelocityProfile};
 
 /// What holds on a patch. On nodes of several patches the order is
-/// resting wall > moving wall > inlet > slip > outlet.
+/// resting wall > moving wall > inlet > convective outlet > slip > outlet.
 #[derive(Clone, Debug)]
 pub enum BoundaryCondition {
     /// No slip on a wall of constant velocity \[m/s\].
@@ -28,6 +28,11 @@ pub enum BoundaryCondition {
         /// Pressure \[Pa\].
         pressure: Signal,
     },
+    /// Flow that is carried out as it comes, ∂u/∂t + U_c ∂u/∂n = 0; none comes back.
+    ConvectiveOutlet {
+        /// U_c \[m/s\]; the mean speed through the patch when not given.
+        speed: Option<f64>,
+    },
 }
 
 impl BoundaryCondition {
@@ -44,7 +49,7 @@ impl BoundaryCondition {
         match self {
             Self::Wall { velocity } => *velocity,
             Self::MovingWall { profile } | Self::Inlet { profile } => profile.shape(x),
-            Self::Slip | Self::Outlet { .. } => [0.0; 3],
+            Self::Slip | Self::Outlet { .. } | Self::ConvectiveOutlet { .. } => [0.0; 3],
         }
     }
 
@@ -55,7 +60,7 @@ impl BoundaryCondition {
             Self::MovingWall { profile } | Self::Inlet { profile } => {
                 Some(profile.moved(base, x, time))
             }
-            Self::Slip | Self::Outlet { .. } => None,
+            Self::Slip | Self::Outlet { .. } | Self::ConvectiveOutlet { .. } => None,
         }
     }
 
@@ -63,6 +68,7 @@ impl BoundaryCondition {
     pub(super) fn is_steady(&self) -> bool {
         match self {
             Self::MovingWall { profile } | Self::Inlet { profile } => profile.is_steady(),
+            Self::ConvectiveOutlet { .. } => false,
             _ => true,
         }
     }
@@ -87,8 +93,9 @@ impl BoundaryCondition {
             Self::MovingWall { profile } if profile.is_rest() => 0,
             Self::Wall { .. } | Self::MovingWall { .. } => 1,
             Self::Inlet { .. } => 2,
-            Self::Slip => 3,
-            Self::Outlet { .. } => 4,
+            Self::ConvectiveOutlet { .. } => 3,
+            Self::Slip => 4,
+            Self::Outlet { .. } => 5,
         }
     }
 }

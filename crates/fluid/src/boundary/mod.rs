@@ -2,6 +2,7 @@
 
 mod condition;
 mod constraint;
+mod outflow;
 mod profile;
 mod signal;
 
@@ -15,6 +16,7 @@ use crate::settings::{dot, length};
 use constraint::slip_projector;
 use fibreflow_mesh::{BoundaryNode, DualGeometry, LocalMesh};
 use fibreflow_parallel::Communicator;
+use outflow::{OutflowNode, OutflowPatch};
 use std::ops::Range;
 
 /// Flux through the boundary of a node's volume.
@@ -89,6 +91,11 @@ pub(crate) struct Boundary {
     outlet_patches: Vec<u16>,
     moving: Vec<Moving>,
     sources: Vec<Source>,
+    /// Nodes and patches of convective outlets.
+    outflow: Vec<OutflowNode>,
+    outflow_patches: Vec<OutflowPatch>,
+    /// Flow and area of each of them, while their speeds are found.
+    outflow_sums: Vec<f64>,
     /// Σ |area| of every given node \[m²\].
     spans: Vec<f64>,
     communicator: Communicator,
@@ -125,23 +132,28 @@ impl Boundary {
             outlet_patches: Vec::new(),
             moving: Vec::new(),
             sources: Vec::new(),
+            outflow: Vec::new(),
+            outflow_patches: Vec::new(),
+            outflow_sums: Vec::new(),
             spans: Vec::new(),
             communicator: communicator.clone(),
         };
+        boundary.list_outflow_patches();
         for shares in geometry.boundary.chunk_by(|a, b| a.node == b.node) {
-            boundary.add_node(mesh, shares);
+            boundary.add_node(mesh, geometry, shares);
         }
         boundary.spread_marks(mesh);
         boundary.check_outlets(mesh, geometry)?;
         boundary.open = communicator.any(!boundary.outlets.is_empty());
         boundary.unconstrained = !communicator.any(!boundary.constraints.is_empty());
         boundary.shift = vec![[0.0; 4]; boundary.given.len()];
+        boundary.correct_outflow();
         boundary.balance()?;
         boundary.settle();
         Ok(boundary)
     }
 
-    fn add_node(&mut self, mesh: &LocalMesh, shares: &[BoundaryNode]) {
+    fn add_node(&mut self, mesh: &LocalMesh, geometry: &DualGeometry, shares: &[BoundaryNode]) {
         let node = shares[0].node;
         let x = mesh.nodes[node as usize];
         let conditions = &self.conditions;
@@ -149,6 +161,10 @@ impl Boundary {
         let Some(first) = shares.iter().min_by_key(|s| condition(s).rank()) else {
             return;
         };
+        if matches!(condition(first), BoundaryCondition::ConvectiveOutlet { .. }) {
+            self.add_outflow(geometry, first.patch, shares);
+            return;
+        }
         if condition(first).gives_velocity() {
             self.add_given(node, x, first.patch, shares);
             return;
@@ -237,14 +253,15 @@ impl Boundary {
 
     fn check_outlets(&self, mesh: &LocalMesh, geometry: &DualGeometry) -> Result<(), FluidError> {
         for (patch, condition) in self.conditions.iter().enumerate() {
-            if !matches!(condition, BoundaryCondition::Outlet { .. }) {
-                continue;
-            }
-            let mut nodes = geometry
-                .boundary
-                .iter()
-                .filter(|s| s.patch as usize == patch);
-            let own = nodes.any(|s| self.pressure_fixed[s.node as usize]);
+            let own = match condition {
+                BoundaryCondition::Outlet { .. } => {
+                    let mut shares = geometry.boundary.iter();
+                    shares
+                        .any(|s| s.patch as usize == patch && self.pressure_fixed[s.node as usize])
+                }
+                BoundaryCondition::ConvectiveOutlet { .. } => self.has_outflow(patch),
+                _ => continue,
+            };
             if !mesh.halo.communicator().any(own) {
                 return Err(FluidError::EmptyOutlet {
                     patch: mesh.patches[patch].clone(),
@@ -315,6 +332,7 @@ impl Boundary {
             let [x, y, z, _] = velocity[*node as usize];
             *given = [x, y, z];
         }
+        self.restore_outflow(velocity);
         for (i, through) in &mut self.through {
             if let Through::Given(flux) = through {
                 let at = 2 * *i as usize;
@@ -323,8 +341,9 @@ impl Boundary {
         }
     }
 
-    /// Given fluxes for the step that begins: half a step ahead by `ahead` = ½Δt/Δt' times the last change.
+    /// Given fluxes for the step that begins: half a step ahead by `ahead` = ½Δt/Δt' times the last change. Collective.
     pub fn begin_step(&mut self, ahead: f64) {
+        self.find_speeds();
         for (_, through) in &mut self.through {
             if let Through::Given(flux) = through {
                 flux.convecting = flux.end + ahead * (flux.end - flux.previous);
@@ -335,21 +354,25 @@ impl Boundary {
 
     /// Rates of change of the given fluxes over a first step of `dt` from `time` \[s\]. Collective.
     pub fn find_rates(&mut self, time: f64, dt: f64) -> Result<(), FluidError> {
+        let given = self.given.clone();
         self.move_to(time + dt);
+        self.correct_outflow();
         self.balance()?;
         for (_, through) in &mut self.through {
             if let Through::Given(flux) = through {
                 flux.rate = (flux.end - flux.previous) / dt;
+                flux.end = flux.previous;
             }
         }
-        self.move_to(time);
-        self.balance()
+        self.given = given;
+        Ok(())
     }
 
-    /// As at time zero, before the first step. Collective.
-    pub fn restart(&mut self) -> Result<(), FluidError> {
+    /// As at time zero, before the first step, with a velocity to start outlets from. Collective.
+    pub fn restart(&mut self, velocity: &[[f64; 4]]) -> Result<(), FluidError> {
         self.move_to(0.0);
         self.pulse_to(0.0);
+        self.start_outflow(velocity);
         self.balance()?;
         self.settle();
         Ok(())
