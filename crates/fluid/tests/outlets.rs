@@ -32,25 +32,29 @@ fn parabola() -> VelocityProfile {
 
 #[test]
 fn poiseuille_flow_leaves_a_convective_outlet_as_it_came() {
-    for element in [BoxElement::Hexahedron, BoxElement::Tetrahedron] {
-        let mut fluid = channel(element, [16, 12, 1], 0.2, |name| match name {
+    let wrong = |element, n: usize| {
+        let mut fluid = channel(element, [16 * n, 12 * n, 1], 0.2, |name| match name {
             "x_min" => BoundaryCondition::Inlet {
                 profile: parabola(),
             },
             "x_max" => CONVECTIVE,
             _ => BoundaryCondition::WALL,
         });
-        for _ in 0..300 {
-            fluid.advance(0.05).expect("step");
+        for _ in 0..200 * n {
+            fluid.advance(0.05 / n as f64).expect("step");
         }
-        let [error, largest] = errors(&fluid, initial::poiseuille([1.0, 0.0, 0.0], 1, -1.0, 1.0));
         let [inflow, outflow] =
             ["x_min", "x_max"].map(|name| fluid.patch_flux(patch(&fluid, name)));
-        println!("{element:?}: {error:.2e} {largest:.2e}, {inflow} {outflow}");
-        assert!(largest < 0.05, "{largest}");
         assert!((inflow + outflow).abs() < 1e-12 * outflow);
         assert!(fluid.divergence_max() < 1e-7);
-    }
+        errors(&fluid, initial::poiseuille([1.0, 0.0, 0.0], 1, -1.0, 1.0))
+    };
+    let [_, largest] = wrong(BoxElement::Hexahedron, 1);
+    assert!(largest < 1e-4, "{largest}");
+    // The corners of simplices carry an error of first order, at an inlet and a pressure outlet as well.
+    let [coarse, fine] = [1, 2].map(|n| wrong(BoxElement::Tetrahedron, n)[0]);
+    println!("outlet: hexahedra {largest:.1e}, tetrahedra {coarse:.2e} {fine:.2e}");
+    assert!(fine < 0.4 * coarse && fine < 0.015, "{coarse} {fine}");
 }
 
 /// A vortex on a stream: u = 1 + Γ-like swirl of radius 0.3 that starts at x = 2.5.
