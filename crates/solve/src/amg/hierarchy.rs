@@ -22,7 +22,7 @@ const STALLED_LIMIT: usize = 65_536;
 #[derive(Clone, Debug)]
 pub(super) enum Node {
     Coarsened {
-        level: Level,
+        level: Box<Level>,
         roots: Vec<f64>,
         coarser: Box<Node>,
     },
@@ -83,7 +83,7 @@ impl Node {
             coarse_halo,
         );
         Ok(Self::Coarsened {
-            level,
+            level: Box::new(level),
             roots: roots[..matrix.owned()].to_vec(),
             coarser: Box::new(coarser),
         })
