@@ -73,11 +73,13 @@ def table(schema, skip=()):
         print("\n".join(lines))
 
 
-def section(path, schema, depth=2):
-    """A heading for a table of the case file, its keys, and its inner tables."""
+def section(path, schema, depth=2, seen=None):
+    """A heading for a table of the case file, its keys, and its inner tables, each of which is described once."""
     forms = [f for f in flat(schema) if "properties" in f or "additionalProperties" in f]
-    if not forms:
+    seen = set() if seen is None else seen
+    if not forms or path in seen:
         return
+    seen.add(path)
     about = schema.get("description") or resolve(schema).get("description", "")
     print(f"\n{'#' * min(depth, 4)} `{path}`\n\n{about}")
     for form in forms:
@@ -86,16 +88,19 @@ def section(path, schema, depth=2):
             print(f"\n`kind = \"{tag}\"`: {form.get('description', '')}")
             table(form, skip=("kind",))
         else:
+            if len(forms) > 1 and "description" in form:
+                about = form["description"].replace("\n", " ")
+                print(f"\n{about}")
             table(form)
     for form in forms:
         for key, value in form.get("properties", {}).items():
             inner = resolve(value)
             if inner.get("type") == "array" and "$ref" in inner.get("items", {}) and inner.get("minItems") is None:
-                section(f"{path}.{key}[]", inner["items"], depth + 1)
+                section(f"{path}.{key}[]", inner["items"], depth + 1, seen)
             elif "const" not in inner:
-                section(f"{path}.{key}", value, depth + 1)
+                section(f"{path}.{key}", value, depth + 1, seen)
         if isinstance(form.get("additionalProperties"), dict):
-            section(f"{path}.NAME", form["additionalProperties"], depth + 1)
+            section(f"{path}.NAME", form["additionalProperties"], depth + 1, seen)
 
 
 def main():

@@ -118,6 +118,122 @@ fn a_patch_that_is_not_there() {
     );
 }
 
+/// With another condition on y_max.
+fn on_top(condition: &str) -> Bench {
+    changed(
+        "y_max = { kind = \"wall\" }",
+        &format!("y_max = {condition}"),
+    )
+}
+
+#[test]
+fn an_unknown_condition() {
+    let bench = on_top("{ kind = \"convective-outlets\" }");
+    let wanted = [
+        "fluid.boundaries.y_max.kind",
+        "`convective-outlet`",
+        "case.toml:17",
+    ];
+    refused(&bench, &[], &wanted);
+}
+
+#[test]
+fn a_key_of_another_condition() {
+    let bench = on_top("{ kind = \"slip\", velocity = [1, 0, 0] }");
+    refused(
+        &bench,
+        &[],
+        &["fluid.boundaries.y_max.velocity", "case.toml:17"],
+    );
+}
+
+#[test]
+fn an_inlet_without_velocity_or_with_two() {
+    let bench = on_top("{ kind = \"inlet\", profile = \"uniform\" }");
+    let wanted = ["y_max` lacks the key `velocity`", "case.toml:17", "formula"];
+    refused(&bench, &[], &wanted);
+    let bench = on_top(
+        "{ kind = \"inlet\", velocity = [0, -1, 0], profile = { formula = [\"0\", \"1\", \"0\"] } }",
+    );
+    refused(&bench, &[], &["y_max.velocity", "no meaning", "`factor`"]);
+}
+
+#[test]
+fn a_parabola_without_walls() {
+    let bench = on_top("{ kind = \"inlet\", velocity = [0, -1, 0], profile = \"parabolic\" }");
+    refused(
+        &bench,
+        &[],
+        &[
+            "y_max.profile = \"parabolic\"",
+            "two opposite walls",
+            "case.toml:17",
+        ],
+    );
+}
+
+#[test]
+fn a_wall_that_turns_about_nothing() {
+    let bench = on_top("{ kind = \"rotating-wall\", axis = [0, 0, 0], rate = 1.0 }");
+    refused(
+        &bench,
+        &[],
+        &["y_max.axis` is zero", "case.toml:17", "[0, 0, 1]"],
+    );
+}
+
+#[test]
+fn a_table_in_time_that_goes_back() {
+    let bench = on_top(
+        "{ kind = \"moving-wall\", velocity = [1, 0, 0], factor = { kind = \"table\", times = [0, 2, 1], values = [0, 1, 2] } }",
+    );
+    refused(
+        &bench,
+        &[],
+        &["y_max.factor", "entry 3", "later", "case.toml:17"],
+    );
+}
+
+#[test]
+fn a_formula_in_an_unknown_variable() {
+    let bench = on_top(
+        "{ kind = \"outlet\", pressure = 1.0, factor = { kind = \"formula\", value = \"cos(2*x)\" } }",
+    );
+    refused(
+        &bench,
+        &[],
+        &[
+            "y_max.factor.value",
+            "unknown name `x`",
+            "known: t, pi",
+            "case.toml:17",
+        ],
+    );
+}
+
+#[test]
+fn a_profile_or_signal_file_with_a_bad_line() {
+    let bench = on_top("{ kind = \"inlet\", profile = { file = \"inlet.csv\" } }");
+    let place = "fluid.boundaries.y_max.profile.file = \"inlet.csv\"";
+    refused(&bench, &[], &[place, "No such file", "case.toml:17"]);
+    std::fs::write(bench.path("inlet.csv"), "x,v\n0,-1\n1,one\n").expect("file");
+    refused(&bench, &[], &[place, "line 3: `one`", "u,v,w [m/s]"]);
+    let bench = on_top("{ kind = \"outlet\", factor = { kind = \"file\", file = \"pulse.csv\" } }");
+    std::fs::write(bench.path("pulse.csv"), "t,value\n0,-1\n").expect("file");
+    let place = "fluid.boundaries.y_max.factor.file = \"pulse.csv\"";
+    refused(
+        &bench,
+        &[],
+        &[place, "line 1: unknown column `t`", "time,value"],
+    );
+}
+
+#[test]
+fn an_inlet_that_nothing_balances() {
+    let bench = on_top("{ kind = \"inlet\", velocity = [0, -1, 0] }");
+    refused(&bench, &[], &["[fluid]", "no outlet balances it"]);
+}
+
 #[test]
 fn a_fibre_outside_the_domain() {
     let bench = changed("end = [0.6, 0.5, 0.5]", "end = [0.6, 1.5, 0.5]");

@@ -1,5 +1,6 @@
 //! The fluid: material, initial field, boundaries, forcing, solver.
 
+use super::Boundary;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -118,46 +119,6 @@ pub enum Forcing {
         /// Mean velocity [m/s].
         value: f64,
     },
-}
-
-/// Condition on a patch.
-#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
-#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum Boundary {
-    /// No slip, at rest.
-    Wall {},
-    /// No slip, moving in its own plane.
-    MovingWall {
-        /// Velocity of the wall [m/s].
-        velocity: [f64; 3],
-    },
-    /// Symmetry: no flow through, no shear stress.
-    Slip {},
-    /// Prescribed velocity.
-    Inlet {
-        /// Mean velocity [m/s].
-        velocity: [f64; 3],
-        /// Shape over the patch.
-        #[serde(default)]
-        profile: Profile,
-    },
-    /// Prescribed pressure; the flow leaves as it likes.
-    Outlet {
-        /// Pressure [Pa].
-        #[serde(default)]
-        pressure: f64,
-    },
-}
-
-/// Shape of an inlet profile.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Profile {
-    /// The same everywhere.
-    #[default]
-    Uniform,
-    /// Parabolic between the walls that bound the inlet of a box.
-    Parabolic,
 }
 
 /// Solver of the pressure equation.

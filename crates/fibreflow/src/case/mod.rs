@@ -7,6 +7,7 @@
 // Units stand in plain brackets here: users read these comments as descriptions of the schema.
 #![allow(rustdoc::broken_intra_doc_links)]
 
+mod boundary;
 mod document;
 mod error;
 mod fibres;
@@ -16,15 +17,14 @@ mod run;
 mod schema;
 mod validate;
 
+pub use boundary::{Boundary, Factor, Profile};
 pub use document::{Document, Place};
 pub use error::CaseError;
 pub use fibres::{
     AmbientFlow, Clamp, Contact, Coupling, CouplingMode, DragLaw, FibreGroup, Gravity,
     Hydrodynamics, Orientation, Placement, PointLoad, Shape, TorqueLaw,
 };
-pub use fluid::{
-    Boundary, ChannelProfile, Fluid, Forcing, Initial, Poisson, Preconditioner, Profile,
-};
+pub use fluid::{ChannelProfile, Fluid, Forcing, Initial, Poisson, Preconditioner};
 pub use mesh::{Ambient, BoxElement, Domain, MeshSource, Stretching};
 pub use run::{Exact, Output, Schedule, Time};
 pub use schema::json_schema;

@@ -308,7 +308,7 @@ pub fn validate_patches(case: &Case, document: &Document, patches: &[String]) ->
         Some(patch) => Err(document
             .error("fluid.boundaries", format!("`fluid.boundaries` lacks the patch `{patch}`"))
             .with_help(format!(
-                "add `boundaries.{patch} = {{ kind = \"wall\" }}` under `[fluid]` (kinds: wall, moving-wall, slip, inlet, outlet); {all}"
+                "add `boundaries.{patch} = {{ kind = \"wall\" }}` under `[fluid]` (kinds: wall, moving-wall, rotating-wall, slip, inlet, outlet, convective-outlet); {all}"
             ))),
     }
 }

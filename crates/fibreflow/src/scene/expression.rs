@@ -1,4 +1,4 @@
-//! Formulas in x, y, z, as they stand in a case file.
+//! Formulas in x, y, z or t, as they stand in a case file.
 
 /// A formula, ready to be evaluated.
 #[derive(Clone, Debug)]
@@ -9,7 +9,7 @@ pub struct Expression {
 #[derive(Clone, Debug)]
 enum Node {
     Number(f64),
-    Coordinate(usize),
+    Variable(usize),
     Negative(Box<Node>),
     Binary(char, Box<Node>, Box<Node>),
     Call(Function, Box<Node>),
@@ -31,12 +31,16 @@ const FUNCTIONS: [(&str, Function); 10] = [
 ];
 
 impl Expression {
-    /// Reads a formula; `^` binds tightest and to the right, then the sign, then `* /`, then `+ −`.
+    /// Reads a formula in some variables; `^` binds tightest and to the right, then the sign, then `* /`, then `+ −`.
     ///
     /// # Errors
     /// What was expected, and at which character.
-    pub fn parse(text: &str) -> Result<Self, String> {
-        let mut parser = Parser { rest: text, text };
+    pub fn parse(text: &str, variables: &[&str]) -> Result<Self, String> {
+        let mut parser = Parser {
+            rest: text,
+            text,
+            variables,
+        };
         let root = parser.sum()?;
         match parser.peek() {
             None => Ok(Self { root }),
@@ -44,17 +48,22 @@ impl Expression {
         }
     }
 
-    /// Value at a point.
-    pub fn at(&self, x: [f64; 3]) -> f64 {
-        self.root.at(&x)
+    /// Value, from those of the variables in the order in which they were named.
+    pub fn at(&self, values: &[f64]) -> f64 {
+        self.root.at(values)
+    }
+
+    /// True when the value depends on a variable.
+    pub fn uses(&self, variable: usize) -> bool {
+        self.root.uses(variable)
     }
 }
 
 impl Node {
-    fn at(&self, x: &[f64; 3]) -> f64 {
+    fn at(&self, x: &[f64]) -> f64 {
         match self {
             Self::Number(value) => *value,
-            Self::Coordinate(axis) => x[*axis],
+            Self::Variable(index) => x[*index],
             Self::Negative(inner) => -inner.at(x),
             Self::Call(function, inner) => function(inner.at(x)),
             Self::Binary(operator, left, right) => {
@@ -69,11 +78,21 @@ impl Node {
             }
         }
     }
+
+    fn uses(&self, variable: usize) -> bool {
+        match self {
+            Self::Number(_) => false,
+            Self::Variable(index) => *index == variable,
+            Self::Negative(inner) | Self::Call(_, inner) => inner.uses(variable),
+            Self::Binary(_, left, right) => left.uses(variable) || right.uses(variable),
+        }
+    }
 }
 
 struct Parser<'a> {
     rest: &'a str,
     text: &'a str,
+    variables: &'a [&'a str],
 }
 
 impl Parser<'_> {
@@ -169,17 +188,20 @@ impl Parser<'_> {
             .find(|c: char| !c.is_ascii_alphanumeric())
             .unwrap_or(self.rest.len());
         let (name, rest) = self.rest.split_at(end);
-        let node = match name {
-            "x" => Node::Coordinate(0),
-            "y" => Node::Coordinate(1),
-            "z" => Node::Coordinate(2),
-            "pi" => Node::Number(std::f64::consts::PI),
-            _ => {
-                let Some((_, function)) = FUNCTIONS.iter().find(|f| f.0 == name) else {
-                    return Err(self.complaint(&format!("unknown name `{name}`")));
-                };
+        let variable = self.variables.iter().position(|v| *v == name);
+        let node = match (variable, FUNCTIONS.iter().find(|f| f.0 == name)) {
+            (Some(index), _) => Node::Variable(index),
+            (None, _) if name == "pi" => Node::Number(std::f64::consts::PI),
+            (None, Some((_, function))) => {
                 self.rest = rest;
                 return Ok(Node::Call(*function, Box::new(self.bracket()?)));
+            }
+            (None, None) => {
+                let known = [self.variables, &["pi"]].concat();
+                let functions = FUNCTIONS.iter().map(|f| f.0);
+                let all: Vec<&str> = known.into_iter().chain(functions).collect();
+                let unknown = format!("unknown name `{name}` (known: {})", all.join(", "));
+                return Err(self.complaint(&unknown));
             }
         };
         self.rest = rest;
@@ -193,7 +215,10 @@ mod tests {
 
     #[test]
     fn formulas_follow_the_usual_order() {
-        let at = |text: &str| Expression::parse(text).expect(text).at([2.0, 3.0, 0.5]);
+        let at = |text: &str| {
+            let formula = Expression::parse(text, &["x", "y", "z"]).expect(text);
+            formula.at(&[2.0, 3.0, 0.5])
+        };
         assert_eq!(at("1 + x * y ^ 2"), 19.0);
         assert_eq!(at("-x^2"), -4.0);
         assert_eq!(at("2^-1"), 0.5);
@@ -205,10 +230,18 @@ mod tests {
 
     #[test]
     fn complaints_say_where() {
-        let complaint = |text: &str| Expression::parse(text).expect_err(text);
+        let complaint = |text: &str| Expression::parse(text, &["x", "y"]).expect_err(text);
         assert!(complaint("1 + ").contains("character 5"));
         assert!(complaint("foo(x)").contains("unknown name `foo`"));
         assert!(complaint("(x").contains("`)` is missing"));
         assert!(complaint("x y").contains("unexpected `y` at character 3"));
+        let unknown = complaint("2*t");
+        assert!(unknown.contains("`t` (known: x, y, pi, sin"), "{unknown}");
+    }
+
+    #[test]
+    fn a_formula_knows_what_it_depends_on() {
+        let formula = Expression::parse("1 - cos(2*t) + y*0", &["x", "y", "t"]).expect("formula");
+        assert_eq!([0, 1, 2].map(|v| formula.uses(v)), [false, true, true]);
     }
 }

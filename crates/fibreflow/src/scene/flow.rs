@@ -1,17 +1,16 @@
 //! The flow around the fibres: solved for on a mesh, or prescribed.
 
+use super::boundary::Boundaries;
 use super::initial::velocity_field;
 use super::mesh::SceneMesh;
-use crate::case::{self, Boundary, Case, CouplingMode, Domain, Profile};
+use crate::case::{self, Case, CouplingMode, Document};
 use crate::error::ProgramError;
 use fibreflow_coupling::{Coupling, SpreadReport};
 use fibreflow_fibre::hydrodynamics::AmbientFlow;
 use fibreflow_fibre::{Ambient, FibreSystem, Points, Reaction};
 use fibreflow_fluid::{
-    BoundaryCondition, Fluid, FluidSettings, Forcing, PressurePreconditioner, Signal, StepReport,
-    VelocityProfile,
+    BoundaryCondition, Fluid, FluidSettings, Forcing, PressurePreconditioner, StepReport,
 };
-use fibreflow_mesh::LocalMesh;
 use fibreflow_solve::CgSettings;
 use nalgebra::Vector3;
 use std::path::Path;
@@ -39,10 +38,15 @@ impl Flow {
     ///
     /// # Errors
     /// Boundaries, forcing or initial field that do not fit.
-    pub fn new(case: &Case, mesh: Option<SceneMesh>, folder: &Path) -> Result<Self, ProgramError> {
+    pub fn new(
+        case: &Case,
+        document: &Document,
+        mesh: Option<SceneMesh>,
+        folder: &Path,
+    ) -> Result<Self, ProgramError> {
         match (&case.fluid, mesh, &case.ambient) {
             (Some(fluid), Some(mesh), _) => {
-                let solved = solved(case, fluid, &mesh, folder)?;
+                let solved = solved(case, document, fluid, &mesh, folder)?;
                 Ok(Self::Solved(Box::new(solved)))
             }
             (_, _, Some(ambient)) => Ok(Self::Prescribed(prescribed(&ambient.flow))),
@@ -162,13 +166,20 @@ fn prescribed(flow: &case::AmbientFlow) -> AmbientFlow {
 
 fn solved(
     case: &Case,
+    document: &Document,
     fluid: &case::Fluid,
     mesh: &SceneMesh,
     folder: &Path,
 ) -> Result<Solved, ProgramError> {
     let domain = case.domain();
     let mut settings = FluidSettings::new(fluid.density, fluid.viscosity);
-    settings.boundary = conditions(fluid, &mesh.local, domain.as_ref())?;
+    let boundaries = Boundaries {
+        fluid,
+        document,
+        folder,
+        domain: domain.as_ref(),
+    };
+    settings.boundary = boundaries.conditions(&mesh.local.patches)?;
     settings.forcing = match fluid.forcing {
         case::Forcing::None => Forcing::default(),
         case::Forcing::PressureGradient { value } => Forcing::PressureGradient(value),
@@ -206,61 +217,4 @@ fn given_velocity(mesh: &SceneMesh, conditions: &[BoundaryCondition]) -> Vec<boo
         given[share.node as usize] |= conditions[share.patch as usize].gives_velocity();
     }
     given
-}
-
-/// One condition for each patch, in the order of the mesh.
-fn conditions(
-    fluid: &case::Fluid,
-    mesh: &LocalMesh,
-    domain: Option<&Domain>,
-) -> Result<Vec<BoundaryCondition>, ProgramError> {
-    let condition = |name: &String| match &fluid.boundaries[name] {
-        Boundary::Wall {} => Ok(BoundaryCondition::WALL),
-        Boundary::MovingWall { velocity } => Ok(BoundaryCondition::Wall {
-            velocity: *velocity,
-        }),
-        Boundary::Slip {} => Ok(BoundaryCondition::Slip),
-        Boundary::Outlet { pressure } => Ok(BoundaryCondition::Outlet {
-            pressure: Signal::Constant(*pressure),
-        }),
-        Boundary::Inlet { velocity, profile } => {
-            let profile = match profile {
-                Profile::Uniform => VelocityProfile::Uniform(*velocity),
-                Profile::Parabolic => parabolic(fluid, name, *velocity, domain)?,
-            };
-            Ok(BoundaryCondition::Inlet { profile })
-        }
-    };
-    mesh.patches.iter().map(condition).collect()
-}
-
-/// Parabola between the two opposite walls of the box that the inlet touches.
-fn parabolic(
-    fluid: &case::Fluid,
-    inlet: &str,
-    mean: [f64; 3],
-    domain: Option<&Domain>,
-) -> Result<VelocityProfile, ProgramError> {
-    let is_wall = |patch: String| matches!(fluid.boundaries.get(&patch), Some(Boundary::Wall {}));
-    let axis = (0..3).find(|&c| {
-        let letter = ["x", "y", "z"][c];
-        !inlet.starts_with(letter)
-            && ["min", "max"]
-                .iter()
-                .all(|e| is_wall(format!("{letter}_{e}")))
-    });
-    match (axis, domain) {
-        (Some(axis), Some(d)) => {
-            let low = d.origin[axis];
-            Ok(VelocityProfile::parabolic(
-                mean,
-                axis,
-                low,
-                low + d.size[axis],
-            ))
-        }
-        _ => Err(ProgramError::input(format!(
-            "fluid.boundaries.{inlet}.profile = \"parabolic\" needs a box mesh with two opposite walls beside the inlet"
-        ))),
-    }
 }

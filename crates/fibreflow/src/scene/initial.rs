@@ -56,11 +56,11 @@ pub fn velocity_field(
         }
         Initial::Expression { velocity } => {
             let read = |c: usize| {
-                Expression::parse(&velocity[c])
+                Expression::parse(&velocity[c], &["x", "y", "z"])
                     .map_err(|e| ProgramError::input(format!("fluid.initial.velocity[{c}]: {e}")))
             };
             let formulas = [read(0)?, read(1)?, read(2)?];
-            Box::new(move |x| [0, 1, 2].map(|c| formulas[c].at(x)))
+            Box::new(move |x| [0, 1, 2].map(|c| formulas[c].at(&x)))
         }
         Initial::File { file } => {
             let table = Table::read(&folder.join(file))?;

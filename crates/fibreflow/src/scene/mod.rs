@@ -1,11 +1,14 @@
 //! What a case describes, ready to be advanced: flow, fibres, coupling.
 
+mod boundary;
+mod csv;
 mod exact;
 mod expression;
 mod fibres;
 mod flow;
 mod initial;
 mod mesh;
+mod scatter;
 
 pub use exact::errors;
 pub use flow::{Flow, Solved};
@@ -50,7 +53,7 @@ impl Scene {
         let mesh_checksum = mesh.as_ref().map(|m| m.checksum);
         let periods = periods(case, mesh.as_ref());
         let spacing = mesh.as_ref().map_or(f64::INFINITY, SceneMesh::spacing);
-        let flow = agree(communicator, Flow::new(case, mesh, folder))?;
+        let flow = agree(communicator, Flow::new(case, document, mesh, folder))?;
         let placed = agree(
             communicator,
             fibres::place(case, spacing, &periods, communicator),
