@@ -127,6 +127,31 @@ fn on_top(condition: &str) -> Bench {
 }
 
 #[test]
+fn loads_on_a_patch_that_is_not_there() {
+    let loads = "[output.loads]\npatches = [\"y_min\", \"y_mix\"]\n\n[[fibres]]";
+    let bench = changed("[[fibres]]", loads);
+    let wanted = [
+        "output.loads.patches[1]",
+        "no patch `y_mix`",
+        "did you mean `y_max`",
+        "case.toml:20",
+    ];
+    refused(&bench, &[], &wanted);
+    let drag = "output.loads.coefficients={ velocity = 1, area = 1, drag = [0, 0, 0] }";
+    refused(
+        &self::bench(CASE),
+        &["--set", drag],
+        &["coefficients.drag` is zero"],
+    );
+    let both = "output.loads={ every = 2, interval = 0.1 }";
+    refused(
+        &self::bench(CASE),
+        &["--set", both],
+        &["`output.loads` has both"],
+    );
+}
+
+#[test]
 fn an_unknown_condition() {
     let bench = on_top("{ kind = \"convective-outlets\" }");
     let wanted = [

@@ -22,7 +22,7 @@ const CLOSE: f64 = 1e-6;
 
 impl Clock {
     /// At the start; `steps` limits the number of steps.
-    pub fn new(time: &Time, schedules: &[&Schedule], steps: Option<u64>) -> Self {
+    pub fn new(time: &Time, schedules: &[Schedule], steps: Option<u64>) -> Self {
         Self {
             step: 0,
             time: 0.0,
@@ -107,7 +107,7 @@ mod tests {
             every: None,
             interval,
         };
-        Clock::new(&time, &[&schedule], steps)
+        Clock::new(&time, &[schedule], steps)
     }
 
     #[test]

@@ -58,12 +58,7 @@ pub fn prepare(arguments: &RunArguments, communicator: &Communicator) -> Result<
     )?;
     log.line(&banner(&case, communicator));
 
-    let schedules = [
-        &case.output.vtk,
-        &case.output.series,
-        &case.output.checkpoint,
-    ];
-    let mut clock = Clock::new(&case.time, &schedules, arguments.steps);
+    let mut clock = Clock::new(&case.time, &case.output.schedules(), arguments.steps);
     if resumed {
         resume(&mut scene, &mut clock, &folder, &mut log)?;
     }

@@ -4,7 +4,7 @@ use crate::case::Case;
 use crate::clock::Clock;
 use crate::error::ProgramError;
 use crate::figures::{Timings, Totals};
-use crate::observe::Stop;
+use crate::observe::{LoadSummary, Stop, loads};
 use crate::output::replace_file;
 use crate::scene::{Scene, errors};
 use fibreflow_parallel::Communicator;
@@ -61,6 +61,9 @@ pub struct FluidSummary {
     pub bulk_velocity: Option<[f64; 3]>,
     /// Uniform driving force at the end \[N/m³\].
     pub driving_force: Option<[f64; 3]>,
+    /// Forces on patches at the end, where the case asks for them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub loads: Option<LoadSummary>,
 }
 
 /// Figures of the fibres; zeros and nulls without any.
@@ -119,6 +122,8 @@ pub fn of(
         kinetic_energy: Some(fluid.kinetic_energy()),
         bulk_velocity: Some(fluid.bulk_velocity()),
         driving_force: Some(fluid.driving_force()),
+        // Forces belong to a step.
+        loads: (steps > 0.0).then(|| loads(scene, case)).flatten(),
     });
     let fibres = scene.fibres.as_ref().map(|fibres| {
         let segments = communicator.sum_count(fibres.segments());

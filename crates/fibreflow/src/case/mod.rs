@@ -12,6 +12,7 @@ mod document;
 mod error;
 mod fibres;
 mod fluid;
+mod loads;
 mod mesh;
 mod run;
 mod schema;
@@ -25,6 +26,7 @@ pub use fibres::{
     Hydrodynamics, Orientation, Placement, PointLoad, Shape, TorqueLaw,
 };
 pub use fluid::{ChannelProfile, Fluid, Forcing, Initial, Poisson, Preconditioner};
+pub use loads::{Coefficients, Loads};
 pub use mesh::{Ambient, BoxElement, Domain, MeshSource, Stretching};
 pub use run::{Exact, Output, Schedule, Time};
 pub use schema::json_schema;

@@ -1,5 +1,6 @@
 //! Time, output, exact answers.
 
+use super::Loads;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -34,6 +35,9 @@ pub struct Output {
     pub series: Schedule,
     /// Checkpoints; the last two are kept. Default: at the end.
     pub checkpoint: Schedule,
+    /// Forces, torques and flow on patches of the boundary, in `series/loads.csv`. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub loads: Option<Loads>,
     /// Fibres, by number from 0, of which a series is kept: middle, ends, end-to-end vector.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub track: Vec<u64>,
@@ -52,9 +56,23 @@ impl Default for Output {
                 interval: None,
             },
             checkpoint: Schedule::default(),
+            loads: None,
             track: Vec::new(),
             wall_time_limit: None,
         }
+    }
+}
+
+impl Output {
+    /// Everything that is done from time to time.
+    pub fn schedules(&self) -> [Schedule; 4] {
+        let loads = self.loads.as_ref().map(|l| l.schedule(&self.series));
+        [
+            self.vtk.clone(),
+            self.series.clone(),
+            self.checkpoint.clone(),
+            loads.unwrap_or_default(),
+        ]
     }
 }
 

@@ -21,7 +21,31 @@ pub(super) fn validate(case: &Case, document: &Document) -> Checked {
     ] {
         check_schedule(name, schedule, document)?;
     }
+    check_loads(case, document)?;
     check_exact(case, document)
+}
+
+fn check_loads(case: &Case, document: &Document) -> Checked {
+    let Some(loads) = &case.output.loads else {
+        return Ok(());
+    };
+    if case.fluid.is_none() {
+        let message = "`output.loads` needs a fluid on a mesh";
+        return Err(document.error("output.loads", message));
+    }
+    check_schedule("loads", &loads.schedule(&Schedule::default()), document)?;
+    let Some(coefficients) = &loads.coefficients else {
+        return Ok(());
+    };
+    let lift = coefficients.lift.map(|lift| ("lift", lift));
+    for (name, direction) in [("drag", coefficients.drag)].into_iter().chain(lift) {
+        if direction == [0.0; 3] {
+            let path = format!("output.loads.coefficients.{name}");
+            let error = document.value_error(&path, format!("`{path}` is zero"));
+            return Err(error.with_help("a direction, as in [1, 0, 0]"));
+        }
+    }
+    Ok(())
 }
 
 fn check_time(case: &Case, document: &Document) -> Checked {
@@ -298,6 +322,16 @@ pub fn validate_patches(case: &Case, document: &Document, patches: &[String]) ->
     if let Some(name) = fluid.boundaries.keys().find(unknown) {
         let path = format!("fluid.boundaries.{name}");
         let error = document.error(&path, format!("`{path}`: the mesh has no patch `{name}`"));
+        return Err(error.with_help(match schema::nearest(name, &known) {
+            Some(near) => format!("did you mean `{near}`? {all}"),
+            None => all,
+        }));
+    }
+    let loads = case.output.loads.iter().flat_map(|l| &l.patches);
+    if let Some((k, name)) = loads.enumerate().find(|(_, name)| unknown(name)) {
+        let path = format!("output.loads.patches[{k}]");
+        let error =
+            document.value_error(&path, format!("`{path}`: the mesh has no patch `{name}`"));
         return Err(error.with_help(match schema::nearest(name, &known) {
             Some(near) => format!("did you mean `{near}`? {all}"),
             None => all,

@@ -1,10 +1,12 @@
 //! What watches a run: series, pictures, checkpoints, progress.
 
+mod loads;
 mod progress;
 mod save;
 mod series;
 mod vtk;
 
+pub use loads::{LoadSummary, PatchSummary, loads};
 pub use save::{restore, snapshot};
 
 use crate::case::{Case, Output};
@@ -14,6 +16,7 @@ use crate::error::ProgramError;
 use crate::figures::Figures;
 use crate::output::log::Log;
 use crate::scene::Scene;
+use loads::LoadSeries;
 use progress::Progress;
 use series::AllSeries;
 use std::path::{Path, PathBuf};
@@ -53,6 +56,7 @@ pub struct Observers {
     output: Output,
     folder: PathBuf,
     series: AllSeries,
+    loads: Option<LoadSeries>,
     vtk: VtkOutput,
     progress: Progress,
     signal: Arc<AtomicBool>,
@@ -78,6 +82,7 @@ impl Observers {
         Ok(Self {
             output: case.output.clone(),
             series: AllSeries::open(case, folder, scene, resumed.then_some(clock.step))?,
+            loads: LoadSeries::open(case, folder, scene, resumed.then_some(clock.step))?,
             vtk: VtkOutput::new(folder, scene, resumed.then_some(clock.time))?,
             progress: Progress::new(clock),
             folder: folder.to_owned(),
@@ -121,11 +126,14 @@ impl Observers {
         if clock.is_due(&self.output.series) {
             self.series.write(scene, clock, figures)?;
         }
+        if let Some(loads) = self.loads.as_mut().filter(|l| l.is_due(clock)) {
+            loads.write(scene, clock)?;
+        }
         if clock.is_due(&self.output.vtk) {
             self.vtk.write(scene, clock)?;
         }
         if self.progress.show(clock, figures, log) {
-            self.series.flush()?;
+            self.flush()?;
         }
         let stop = self.stop(scene, log);
         if clock.is_due(&self.output.checkpoint) || stop != Stop::GoOn {
@@ -149,7 +157,14 @@ impl Observers {
         if self.moved && !clock.is_due(&self.output.series) {
             self.series.write(scene, clock, figures)?;
         }
-        self.series.flush()?;
+        if let Some(loads) = self
+            .loads
+            .as_mut()
+            .filter(|l| self.moved && !l.is_due(clock))
+        {
+            loads.write(scene, clock)?;
+        }
+        self.flush()?;
         if self.moved && !clock.is_due(&self.output.vtk) {
             self.vtk.write(scene, clock)?;
         }
@@ -159,12 +174,17 @@ impl Observers {
         Ok(())
     }
 
+    fn flush(&mut self) -> Result<(), ProgramError> {
+        self.series.flush()?;
+        self.loads.as_mut().map_or(Ok(()), LoadSeries::flush)
+    }
+
     fn save(&mut self, scene: &Scene, clock: &Clock, log: &mut Log) -> Result<(), ProgramError> {
         if self.last_checkpoint == Some(clock.step) {
             return Ok(());
         }
         // A resumed series must not miss what came before the checkpoint.
-        self.series.flush()?;
+        self.flush()?;
         let root = self.folder.join("checkpoint");
         checkpoint::write(&root, &snapshot(scene, clock), &scene.communicator)?;
         self.last_checkpoint = Some(clock.step);
