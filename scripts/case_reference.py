@@ -32,7 +32,7 @@ def kind(schema):
     words = []
     for form in flat(schema):
         if "const" in form or "enum" in form:
-            words += [f'"{v}"' for v in form.get("enum", [form.get("const")])]
+            words += [f'"{v}"' if isinstance(v, str) else str(v) for v in form.get("enum", [form.get("const")])]
             continue
         types = form.get("type", "")
         name = next((t for t in types if t != "null"), "") if isinstance(types, list) else types
@@ -46,6 +46,8 @@ def kind(schema):
 
 def bounds(schema):
     form = resolve(schema)
+    if "enum" in form:
+        return ""
     marks = (("exclusiveMinimum", ">"), ("minimum", "≥"), ("exclusiveMaximum", "<"), ("maximum", "≤"))
     return ", ".join(f"{sign} {form[key]:g}" for key, sign in marks if key in form and form[key] is not None)
 

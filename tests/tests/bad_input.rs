@@ -103,6 +103,39 @@ fn a_negative_viscosity() {
 }
 
 #[test]
+fn an_order_that_is_not_there() {
+    let bench = changed("viscosity = 0.1", "viscosity = 0.1\norder = 3");
+    refused(
+        &bench,
+        &[],
+        &["fluid.order = 3", "case.toml:14", "valid: 2, 4"],
+    );
+}
+
+#[test]
+fn fourth_order_on_tetrahedra() {
+    let bench = changed(
+        "kind = \"box\"",
+        "kind = \"box\"\nelement = \"tetrahedron\"",
+    );
+    refused(
+        &bench,
+        &["--set", "fluid.order=4"],
+        &["fluid.order = 4", "axis-parallel hexahedra"],
+    );
+}
+
+#[test]
+fn direct_solves_on_a_jittered_mesh() {
+    let bench = changed("kind = \"box\"", "kind = \"box\"\njitter = 0.1");
+    refused(
+        &bench,
+        &["--set", "fluid.poisson.preconditioner=direct"],
+        &["fluid.poisson.preconditioner", "tensor product"],
+    );
+}
+
+#[test]
 fn a_missing_patch() {
     let bench = changed("y_max = { kind = \"wall\" }\n", "");
     refused(&bench, &[], &["lacks the patch `y_max`", "case.toml:15"]);

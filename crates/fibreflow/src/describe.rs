@@ -8,10 +8,10 @@ use crate::scene::Scene;
 pub fn describe(scene: &Scene, case: &Case, log: &mut Log) {
     if let (Some(fluid), Some(solver)) = (&case.fluid, scene.flow.fluid()) {
         let mesh = solver.mesh();
-        let form = if solver.geometry().orthogonal {
-            "two-point"
-        } else {
-            "Galerkin"
+        let form = match (fluid.order, solver.geometry().orthogonal) {
+            (4, _) => "fourth-order",
+            (_, true) => "two-point",
+            (_, false) => "Galerkin",
         };
         log.line(&format!(
             "fluid: {} nodes, {} elements, {form} weights, ν = {:.4e} m²/s",
@@ -19,6 +19,7 @@ pub fn describe(scene: &Scene, case: &Case, log: &mut Log) {
             mesh.total_elements,
             fluid.viscosity / fluid.density
         ));
+        log.line(&format!("  {}", solver.pressure_choice()));
     }
     if case.ambient.is_some() {
         log.line("flow: prescribed, nothing is solved for");

@@ -51,7 +51,9 @@ pub struct FluidSummary {
     pub elements: usize,
     /// Wall time of the fluid by nodes and steps \[s\].
     pub seconds_per_node_step: Option<f64>,
-    /// Iterations of the pressure solve, mean over the steps.
+    /// How the pressure equation was solved, and why.
+    pub pressure_solver: Option<String>,
+    /// Iterations of the pressure solve, mean over the steps; one where it is direct.
     pub poisson_iterations_mean: Option<f64>,
     /// Largest divergence of any step \[1/s\].
     pub divergence_max: Option<f64>,
@@ -117,6 +119,7 @@ pub fn of(
         nodes: fluid.mesh().total_nodes,
         elements: fluid.mesh().total_elements,
         seconds_per_node_step: each(timings.fluid, fluid.mesh().total_nodes, steps),
+        pressure_solver: Some(fluid.pressure_choice().to_string()),
         poisson_iterations_mean: mean(totals.poisson_iterations),
         divergence_max: (steps > 0.0).then_some(totals.divergence_max),
         kinetic_energy: Some(fluid.kinetic_energy()),

@@ -1,5 +1,6 @@
 //! What can go wrong in the fluid. Every rank sees the same error.
 
+use crate::PressureReason;
 use fibreflow_solve::SolveError;
 
 /// An impossible set-up, a solve that failed, or a solution that blew up.
@@ -63,6 +64,9 @@ pub enum FluidError {
         /// Steps completed before.
         step: u64,
     },
+    /// Direct solves of the pressure equation were asked for where they are not possible.
+    #[error("the pressure equation cannot be solved directly: {0}")]
+    NoDirect(PressureReason),
     /// A time step that is not positive and finite.
     #[error("time step {0} s is not positive and finite")]
     TimeStep(f64),

@@ -4,9 +4,9 @@ use crate::boundary::Boundary;
 use crate::creeping::Creeping;
 use crate::mismatch::Mismatch;
 use crate::operators::Operators;
+use crate::poisson::Pressure;
 use crate::predict::Momentum;
-use crate::project::Pressure;
-use crate::{DiffusionChoice, FluidError, FluidSettings, Forcing, Inertia};
+use crate::{DiffusionChoice, FluidError, FluidSettings, Forcing, Inertia, PressureChoice};
 use fibreflow_mesh::{DualGeometry, LocalMesh};
 use std::sync::Arc;
 
@@ -66,10 +66,11 @@ pub struct StepReport {
     pub diffusion: DiffusionChoice,
     /// Conjugate-gradient iterations of the three viscous solves, zero where diffusion was explicit.
     pub momentum_iterations: [usize; 3],
-    /// Conjugate-gradient iterations of the pressure solve.
+    /// Conjugate-gradient iterations of the pressure solve; one where it is direct.
     pub poisson_iterations: usize,
-    /// Norm of the predicted divergence before and after the solve \[m³/s\].
-    pub poisson_residual: [f64; 2],
+    /// Norm of the predicted divergence before and after the solve \[m³/s\]; None after a direct solve, see
+    /// [`crate::Projection::residual`].
+    pub poisson_residual: Option<[f64; 2]>,
 }
 
 impl Fluid {
@@ -192,7 +193,7 @@ impl Fluid {
             diffusion: prediction.diffusion,
             momentum_iterations: prediction.iterations,
             poisson_iterations: solve.iterations,
-            poisson_residual: [solve.initial_residual, solve.final_residual],
+            poisson_residual: solve.residual,
         })
     }
 
@@ -209,6 +210,11 @@ impl Fluid {
     /// What the fluid was made with.
     pub fn settings(&self) -> &FluidSettings {
         &self.settings
+    }
+
+    /// How the pressure equation is solved, and why.
+    pub fn pressure_choice(&self) -> &PressureChoice {
+        &self.poisson.choice
     }
 
     /// Velocity \[m/s\] at owned and halo nodes, (x, y, z, 0).

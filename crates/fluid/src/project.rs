@@ -13,99 +13,11 @@
 use crate::boundary::{Boundary, GivenFlux, Through};
 use crate::fluid::START_CYCLES;
 use crate::operators::Operators;
-use crate::polynomial::Polynomial;
+use crate::poisson::{Pressure, Projection};
 use crate::predict::SubStep;
 use crate::rows::{self, nothing};
-use crate::{Fluid, FluidError, PressurePreconditioner};
-use fibreflow_mesh::{DualGeometry, LocalMesh};
-use fibreflow_solve::{
-    Amg, AmgSettings, CgSettings, ConjugateGradients, Jacobi, NullSpace, PairMatrix,
-    Preconditioner, SolveError, SolveReport,
-};
-
-/// What the pressure equation needs besides the flow.
-pub(crate) struct Pressure {
-    matrix: PairMatrix,
-    preconditioner: Box<dyn Preconditioner<f64> + Send + Sync>,
-    krylov: ConjugateGradients<f64>,
-    polynomial: Polynomial,
-    null_space: NullSpace,
-    /// Total: ψ \[m²/s\].
-    psi: Vec<f64>,
-    /// Owned: minus the divergence of F* \[m³/s\].
-    rhs: Vec<f64>,
-    /// Owned: ψ/Δt² of the last step and of the one before, for the initial guess.
-    pub(crate) rates: [Vec<f64>; 2],
-}
-
-impl Pressure {
-    pub fn new(
-        mesh: &LocalMesh,
-        geometry: &DualGeometry,
-        operators: &Operators,
-        boundary: &Boundary,
-        preconditioner: PressurePreconditioner,
-    ) -> Result<Self, FluidError> {
-        let failed = |source| FluidError::Solve {
-            equation: "pressure",
-            source,
-        };
-        let matrix =
-            PairMatrix::new(mesh, geometry, &boundary.pressure_fixed, None).map_err(failed)?;
-        let null_space = if matrix.is_singular() {
-            NullSpace::Constant
-        } else {
-            NullSpace::None
-        };
-        let owned = vec![0.0; mesh.owned()];
-        Ok(Self {
-            preconditioner: match preconditioner {
-                PressurePreconditioner::Amg => {
-                    Box::new(Amg::new(&matrix, AmgSettings::default()).map_err(failed)?)
-                }
-                PressurePreconditioner::Jacobi => Box::new(Jacobi::new(&matrix)),
-            },
-            polynomial: Polynomial::new(mesh, operators, &boundary.pressure_fixed),
-            matrix,
-            krylov: ConjugateGradients::new(),
-            null_space,
-            psi: vec![0.0; mesh.total()],
-            rhs: owned.clone(),
-            rates: [owned.clone(), owned],
-        })
-    }
-
-    /// Clears the history of the initial guess.
-    pub fn forget(&mut self) {
-        self.rates.iter_mut().for_each(|rate| rate.fill(0.0));
-    }
-
-    /// ψ from the last two: Δt² (2 r^n − r^(n−1)), r = ψ/Δt².
-    fn guess(&mut self, dt: f64) {
-        let (square, [new, old]) = (dt * dt, &self.rates);
-        rows::each(&mut self.psi[..new.len()], |i, psi| {
-            *psi = square * (2.0 * new[i] - old[i]);
-        });
-    }
-
-    fn remember(&mut self, dt: f64) {
-        let [new, old] = &mut self.rates;
-        std::mem::swap(new, old);
-        let (inverse, psi) = (1.0 / (dt * dt), &self.psi);
-        rows::each(new, |i, rate| *rate = inverse * psi[i]);
-    }
-
-    fn solve(&mut self, settings: &CgSettings) -> Result<SolveReport, SolveError> {
-        self.krylov.solve(
-            &self.matrix,
-            &mut *self.preconditioner,
-            &self.rhs,
-            &mut self.psi,
-            settings,
-            self.null_space,
-        )
-    }
-}
+use crate::{Fluid, FluidError};
+use fibreflow_solve::CgSettings;
 
 impl Fluid {
     /// Second half of a step: fluxes of the predicted velocity made solenoidal, velocity and pressure corrected.
@@ -113,7 +25,7 @@ impl Fluid {
     ///
     /// # Errors
     /// A pressure solve that fails.
-    pub fn project(&mut self, dt: f64) -> Result<SolveReport, FluidError> {
+    pub fn project(&mut self, dt: f64) -> Result<Projection, FluidError> {
         self.find_mismatch(dt);
         let settings = self.predicted_divergence();
         self.poisson.guess(dt);

@@ -56,11 +56,15 @@ pub enum Inertia {
     Steady,
 }
 
-/// Preconditioner of the pressure solve.
+/// How the pressure equation is solved: directly, or by conjugate gradients with a preconditioner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum PressurePreconditioner {
-    /// Aggregation multigrid.
+    /// Direct solves where they are possible and cheap, else multigrid; see [`crate::PressureChoice`].
     #[default]
+    Auto,
+    /// The exact inverse: on tensor-product meshes whose nodes of given pressure are whole sides.
+    Direct,
+    /// Aggregation multigrid.
     Amg,
     /// The diagonal.
     Jacobi,

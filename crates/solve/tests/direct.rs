@@ -204,6 +204,21 @@ fn a_channel_takes_two_fourier_transforms_and_a_tridiagonal_solve() {
 }
 
 #[test]
+fn the_cost_is_known_before_anything_is_set_up() {
+    let ends = [[false; 2], [true, false], [false; 2]];
+    for periodic in [[true, false, true], [true, false, false], [false; 3]] {
+        let mesh = case([64, 40, 32], periodic, [U; 3]);
+        let problem = Problem::new(mesh.build().expect("mesh"));
+        let estimate = Direct::estimate(&problem.lines, ends);
+        let found = problem.direct(ends, 0.0).operations();
+        assert!(
+            (estimate / found - 1.0).abs() < 0.1,
+            "{periodic:?}: {estimate} {found}"
+        );
+    }
+}
+
+#[test]
 fn constants_are_taken_out_of_a_singular_problem() {
     for stretching in [[U, U, U], [U, Stretching::Tanh(1.0), Stretching::Tanh(1.0)]] {
         let mesh = case([6, 8, 6], [true, false, true], stretching);

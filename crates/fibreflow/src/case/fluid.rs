@@ -15,6 +15,11 @@ pub struct Fluid {
     /// Dynamic viscosity [Pa·s].
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub viscosity: f64,
+    /// Order of accuracy in space: 2, or 4 on meshes of axis-parallel hexahedra that are the tensor product of three
+    /// coordinate lists (there 2 beside jumps of the spacing, and in directions of fewer than eight nodes).
+    #[serde(default = "second")]
+    #[schemars(extend("enum" = [2, 4]))]
+    pub order: u8,
     /// Velocity at the start. Default: at rest.
     #[serde(default)]
     pub initial: Initial,
@@ -27,6 +32,10 @@ pub struct Fluid {
     /// Solver of the pressure equation.
     #[serde(default)]
     pub poisson: Poisson,
+}
+
+fn second() -> u8 {
+    2
 }
 
 /// Velocity at the start.
@@ -128,7 +137,8 @@ pub struct Poisson {
     /// Residual at which the solver stops, relative to the right-hand side.
     #[schemars(extend("exclusiveMinimum" = 0), range(max = 0.1))]
     pub tolerance: f64,
-    /// Preconditioner of the conjugate gradients.
+    /// Direct solves, or the preconditioner of conjugate gradients. `auto`: direct solves where the mesh is a tensor
+    /// product, nodes of given pressure are whole sides and they are cheap, else multigrid.
     pub preconditioner: Preconditioner,
     /// Iterations after which the run is given up.
     #[schemars(range(min = 1))]
@@ -145,13 +155,17 @@ impl Default for Poisson {
     }
 }
 
-/// Preconditioner of the conjugate gradients.
+/// How the pressure equation is solved.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Preconditioner {
-    /// Algebraic multigrid by aggregation.
+    /// Direct solves where they are possible and cheap, else multigrid.
     #[default]
+    Auto,
+    /// Direct solves; an error where they are not possible.
+    Direct,
+    /// Conjugate gradients with algebraic multigrid by aggregation.
     Amg,
-    /// The diagonal.
+    /// Conjugate gradients with the diagonal.
     Jacobi,
 }

@@ -297,7 +297,7 @@ impl<'a> Checker<'a> {
         let error = self
             .document
             .value_error(path, format!("`{path} = {value}` is not valid"));
-        let all = listed_names(&names);
+        let all = listed(allowed.iter().copied());
         error.with_help(match value.as_str().and_then(|v| nearest(v, &names)) {
             Some(name) => format!("did you mean `{name}`? Valid: {all}"),
             None => format!("valid: {all}"),
@@ -325,7 +325,8 @@ fn literals(branch: &Json) -> Option<Vec<&Json>> {
 }
 
 fn same(expected: &Json, value: &toml::Value) -> bool {
-    expected.as_str().is_some() && expected.as_str() == value.as_str()
+    let words = expected.as_str().is_some() && expected.as_str() == value.as_str();
+    words || (expected.as_i64().is_some() && expected.as_i64() == value.as_integer())
 }
 
 fn joined(path: &str, key: &str) -> String {
@@ -337,7 +338,13 @@ fn joined(path: &str, key: &str) -> String {
 }
 
 fn listed<'a>(values: impl Iterator<Item = &'a Json>) -> String {
-    listed_names(&values.filter_map(Json::as_str).collect::<Vec<_>>())
+    let quoted: Vec<String> = values
+        .map(|v| match v.as_str() {
+            Some(word) => format!("`{word}`"),
+            None => v.to_string(),
+        })
+        .collect();
+    quoted.join(", ")
 }
 
 fn listed_names(names: &[&str]) -> String {

@@ -9,7 +9,8 @@ use fibreflow_coupling::{Coupling, SpreadReport};
 use fibreflow_fibre::hydrodynamics::AmbientFlow;
 use fibreflow_fibre::{Ambient, FibreSystem, Points, Reaction};
 use fibreflow_fluid::{
-    BoundaryCondition, Fluid, FluidSettings, Forcing, PressurePreconditioner, StepReport,
+    BoundaryCondition, Fluid, FluidError, FluidSettings, Forcing, PressurePreconditioner,
+    StepReport,
 };
 use fibreflow_solve::CgSettings;
 use nalgebra::Vector3;
@@ -194,11 +195,18 @@ fn solved(
     };
     settings.momentum = settings.pressure;
     settings.preconditioner = match fluid.poisson.preconditioner {
+        case::Preconditioner::Auto => PressurePreconditioner::Auto,
+        case::Preconditioner::Direct => PressurePreconditioner::Direct,
         case::Preconditioner::Amg => PressurePreconditioner::Amg,
         case::Preconditioner::Jacobi => PressurePreconditioner::Jacobi,
     };
     let initial = velocity_field(&fluid.initial, domain.as_ref(), folder)?;
-    let as_input = |e| ProgramError::input(format!("[fluid]: {e}"));
+    let as_input = |e| match e {
+        FluidError::NoDirect(_) => {
+            ProgramError::input(format!("`fluid.poisson.preconditioner = \"direct\"`: {e}"))
+        }
+        _ => ProgramError::input(format!("[fluid]: {e}")),
+    };
     let mut solver =
         Fluid::new(mesh.local.clone(), mesh.geometry.clone(), settings).map_err(as_input)?;
     solver.set_velocity(initial).map_err(as_input)?;

@@ -40,7 +40,9 @@ pub fn build(
         return Ok(None);
     };
     let mut sum = 0;
-    let local = fibreflow_mesh::distribute_from(communicator, || {
+    let fourth = case.fluid.as_ref().is_some_and(|fluid| fluid.order == 4);
+    let layers = if fourth { 3 } else { 1 };
+    let local = fibreflow_mesh::distribute_layers(communicator, layers, || {
         let mesh = whole(source, folder)?;
         sum = mesh_checksum(&mesh);
         Ok(mesh)
@@ -56,13 +58,25 @@ pub fn build(
     let sum = communicator.broadcast(0, sum.to_le_bytes().to_vec());
     let checked = case::validate_patches(case, document, &local.patches);
     agree(communicator, checked.map_err(ProgramError::from))?;
-    let geometry = fibreflow_mesh::geometry::dual(&local).map_err(ProgramError::from);
-    let geometry = agree(communicator, geometry)?;
+    let geometry = if fourth {
+        fibreflow_mesh::geometry::fourth(&local)
+    } else {
+        fibreflow_mesh::geometry::dual(&local)
+    };
+    let geometry = agree(communicator, geometry.map_err(order_named))?;
     Ok(Some(SceneMesh {
         local: Arc::new(local),
         geometry: Arc::new(geometry),
         checksum: sum.try_into().map_or(0, u64::from_le_bytes),
     }))
+}
+
+/// Names the key that asked for what the mesh does not allow.
+fn order_named(error: MeshError) -> ProgramError {
+    match error {
+        MeshError::NotTensorProduct => ProgramError::input(format!("`fluid.order = 4`: {error}")),
+        _ => ProgramError::from(error),
+    }
 }
 
 /// The whole mesh, on one rank.

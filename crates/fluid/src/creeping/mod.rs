@@ -120,7 +120,7 @@ impl Fluid {
             diffusion: self.choose_diffusion(dt),
             momentum_iterations: [0; 3],
             poisson_iterations: solved.iterations,
-            poisson_residual: solved.divergence,
+            poisson_residual: Some(solved.divergence),
         })
     }
 

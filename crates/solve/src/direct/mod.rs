@@ -9,6 +9,7 @@
 //! to whoever has their plane, planes are transposed to blocks of modes, and back.
 
 mod banded;
+mod cost;
 #[cfg_attr(not(feature = "fft"), path = "no_fourier.rs")]
 mod fourier;
 mod plane;

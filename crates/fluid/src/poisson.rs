@@ -1,0 +1,286 @@
+//! The pressure equation: its matrix, how it is solved, and why so.
+
+use crate::boundary::Boundary;
+use crate::operators::Operators;
+use crate::polynomial::Polynomial;
+use crate::rows;
+use crate::{FluidError, PressurePreconditioner};
+use fibreflow_mesh::{DualGeometry, LocalMesh};
+use fibreflow_solve::{
+    Amg, AmgSettings, CgSettings, ConjugateGradients, Direct, Jacobi, NullSpace, PairMatrix,
+    Preconditioner, SolveError,
+};
+
+/// Operations of a direct solve, by node, above which `Auto` takes multigrid.
+///
+/// Products with eigenvectors run at 8 operations a nanosecond and core or faster, CG–AMG with a warm start takes 0.8 µs a
+/// node or more on tensor-product meshes (two-core machine with AVX2, see docs/numerics.md).
+const DEAREST_DIRECT: f64 = 6000.0;
+
+/// What the pressure equation needs besides the flow.
+pub(crate) struct Pressure {
+    pub matrix: PairMatrix,
+    solver: Solver,
+    pub choice: PressureChoice,
+    pub polynomial: Polynomial,
+    null_space: NullSpace,
+    /// Total: ψ \[m²/s\].
+    pub psi: Vec<f64>,
+    /// Owned: minus the divergence of F* \[m³/s\].
+    pub rhs: Vec<f64>,
+    /// Owned: ψ/Δt² of the last step and of the one before, for the initial guess; zero with direct solves.
+    pub rates: [Vec<f64>; 2],
+}
+
+enum Solver {
+    Direct(Box<Direct>),
+    Iterative {
+        preconditioner: Box<dyn Preconditioner<f64> + Send + Sync>,
+        krylov: Box<ConjugateGradients<f64>>,
+    },
+}
+
+/// How a projection went.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Projection {
+    /// Iterations of the pressure solve, one where it is direct.
+    pub iterations: usize,
+    /// Norm of the predicted divergence before and after the solve \[m³/s\]. Direct solves leave round-off and do not
+    /// measure it: [`crate::Fluid::divergence_max`] does.
+    pub residual: Option<[f64; 2]>,
+}
+
+impl Pressure {
+    pub fn new(
+        mesh: &LocalMesh,
+        geometry: &DualGeometry,
+        operators: &Operators,
+        boundary: &Boundary,
+        preconditioner: PressurePreconditioner,
+    ) -> Result<Self, FluidError> {
+        let failed = |source| FluidError::Solve {
+            equation: "pressure",
+            source,
+        };
+        let matrix =
+            PairMatrix::new(mesh, geometry, &boundary.pressure_fixed, None).map_err(failed)?;
+        let (direct, reason) = match preconditioner {
+            PressurePreconditioner::Auto | PressurePreconditioner::Direct => {
+                try_direct(mesh, geometry, boundary, preconditioner)?
+            }
+            PressurePreconditioner::Amg | PressurePreconditioner::Jacobi => {
+                (None, PressureReason::AsSet)
+            }
+        };
+        let directions = direct.as_ref().map(|direct| direct.describe());
+        let (solver, used) = match (direct, preconditioner) {
+            (Some(direct), _) => (Solver::Direct(direct), PressurePreconditioner::Direct),
+            (None, PressurePreconditioner::Jacobi) => (
+                Solver::iterative(Jacobi::new(&matrix)),
+                PressurePreconditioner::Jacobi,
+            ),
+            (None, _) => {
+                let amg = Amg::new(&matrix, AmgSettings::default()).map_err(failed)?;
+                (Solver::iterative(amg), PressurePreconditioner::Amg)
+            }
+        };
+        let null_space = if matrix.is_singular() {
+            NullSpace::Constant
+        } else {
+            NullSpace::None
+        };
+        let owned = vec![0.0; mesh.owned()];
+        Ok(Self {
+            solver,
+            choice: PressureChoice {
+                preconditioner: used,
+                directions,
+                reason,
+            },
+            polynomial: Polynomial::new(mesh, operators, &boundary.pressure_fixed),
+            matrix,
+            null_space,
+            psi: vec![0.0; mesh.total()],
+            rhs: owned.clone(),
+            rates: [owned.clone(), owned],
+        })
+    }
+
+    fn is_direct(&self) -> bool {
+        matches!(self.solver, Solver::Direct(_))
+    }
+
+    /// Clears the history of the initial guess.
+    pub fn forget(&mut self) {
+        self.rates.iter_mut().for_each(|rate| rate.fill(0.0));
+    }
+
+    /// ψ from the last two: Δt² (2 r^n − r^(n−1)), r = ψ/Δt². Direct solves need no guess.
+    pub fn guess(&mut self, dt: f64) {
+        if self.is_direct() {
+            return;
+        }
+        let (square, [new, old]) = (dt * dt, &self.rates);
+        rows::each(&mut self.psi[..new.len()], |i, psi| {
+            *psi = square * (2.0 * new[i] - old[i]);
+        });
+    }
+
+    pub fn remember(&mut self, dt: f64) {
+        if self.is_direct() {
+            return;
+        }
+        let [new, old] = &mut self.rates;
+        std::mem::swap(new, old);
+        let (inverse, psi) = (1.0 / (dt * dt), &self.psi);
+        rows::each(new, |i, rate| *rate = inverse * psi[i]);
+    }
+
+    /// ψ of the right-hand side, halo entries up to date. One application of the exact inverse is the answer to round-off:
+    /// no iteration follows it. Collective.
+    pub fn solve(&mut self, settings: &CgSettings) -> Result<Projection, SolveError> {
+        match &mut self.solver {
+            Solver::Direct(direct) => {
+                direct.solve(&self.rhs, &mut self.psi);
+                self.matrix.halo().update(&mut self.psi);
+                Ok(Projection {
+                    iterations: 1,
+                    residual: None,
+                })
+            }
+            Solver::Iterative {
+                preconditioner,
+                krylov,
+            } => {
+                let report = krylov.solve(
+                    &self.matrix,
+                    &mut **preconditioner,
+                    &self.rhs,
+                    &mut self.psi,
+                    settings,
+                    self.null_space,
+                )?;
+                Ok(Projection {
+                    iterations: report.iterations,
+                    residual: Some([report.initial_residual, report.final_residual]),
+                })
+            }
+        }
+    }
+}
+
+impl Solver {
+    fn iterative(preconditioner: impl Preconditioner<f64> + Send + Sync + 'static) -> Self {
+        Self::Iterative {
+            preconditioner: Box::new(preconditioner),
+            krylov: Box::new(ConjugateGradients::new()),
+        }
+    }
+}
+
+/// The direct solver where it is possible and, unless it was asked for, cheap; why or why not.
+fn try_direct(
+    mesh: &LocalMesh,
+    geometry: &DualGeometry,
+    boundary: &Boundary,
+    preconditioner: PressurePreconditioner,
+) -> Result<(Option<Box<Direct>>, PressureReason), FluidError> {
+    let wanted = preconditioner == PressurePreconditioner::Direct;
+    let refused = |reason: PressureReason| {
+        if wanted {
+            return Err(FluidError::NoDirect(reason));
+        }
+        Ok((None, reason))
+    };
+    let Some(tensor) = &geometry.tensor else {
+        return refused(PressureReason::NotTensorProduct);
+    };
+    let ends = Direct::fixed_ends(&mesh.halo, &tensor.grid, &boundary.pressure_fixed);
+    let Some(ends) = ends else {
+        return refused(PressureReason::PartOfAnEnd);
+    };
+    let operations = Direct::estimate(&tensor.lines, ends) / mesh.total_nodes as f64;
+    if !wanted && operations > DEAREST_DIRECT {
+        return refused(PressureReason::TooDear { operations });
+    }
+    let direct = Direct::new(&mesh.halo, &tensor.grid, &tensor.lines, ends, 0.0);
+    let direct = direct.map_err(|source| FluidError::Solve {
+        equation: "pressure",
+        source,
+    })?;
+    let reason = if wanted {
+        PressureReason::AsSet
+    } else {
+        PressureReason::TensorProduct { operations }
+    };
+    Ok((Some(Box::new(direct)), reason))
+}
+
+/// How the pressure equation is solved, and why.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PressureChoice {
+    /// What is used: never [`PressurePreconditioner::Auto`].
+    pub preconditioner: PressurePreconditioner,
+    /// How each direction is solved, where the solver is direct.
+    pub directions: Option<String>,
+    /// What decided it.
+    pub reason: PressureReason,
+}
+
+/// What decided how the pressure equation is solved.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PressureReason {
+    /// The settings.
+    AsSet,
+    /// The mesh is a tensor product, and a direct solve of few operations a node.
+    TensorProduct {
+        /// Operations a node.
+        operations: f64,
+    },
+    /// The mesh is not a tensor product.
+    NotTensorProduct,
+    /// Nodes of given pressure are not whole ends of the mesh.
+    PartOfAnEnd,
+    /// A direct solve takes too many operations.
+    TooDear {
+        /// Operations a node.
+        operations: f64,
+    },
+}
+
+impl std::fmt::Display for PressureReason {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::AsSet => f.write_str("as set"),
+            Self::TensorProduct { operations } => {
+                write!(
+                    f,
+                    "the mesh is a tensor product, {operations:.0} operations a node"
+                )
+            }
+            Self::NotTensorProduct => f.write_str(
+                "the nodes of the mesh are not the tensor product of three coordinate lists",
+            ),
+            Self::PartOfAnEnd => {
+                f.write_str("the nodes of given pressure are not whole sides of the box")
+            }
+            Self::TooDear { operations } => write!(
+                f,
+                "a direct solve would take {operations:.0} operations a node, more than {DEAREST_DIRECT}"
+            ),
+        }
+    }
+}
+
+impl std::fmt::Display for PressureChoice {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match (self.preconditioner, &self.directions) {
+            (_, Some(directions)) => write!(f, "pressure solved directly ({directions})")?,
+            (PressurePreconditioner::Jacobi, None) => {
+                f.write_str("pressure by conjugate gradients with the diagonal")?;
+            }
+            _ => f.write_str("pressure by conjugate gradients with multigrid")?,
+        }
+        write!(f, ": {}", self.reason)
+    }
+}
