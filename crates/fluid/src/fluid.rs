@@ -33,7 +33,7 @@ pub struct Fluid {
     pub(crate) velocity: Vec<[f64; 4]>,
     /// p/ρ \[m²/s²\]; valid between steps.
     pub(crate) pressure: Vec<f64>,
-    /// F_ij \[m³/s\] of every pair entry: solenoidal, F_ij = −F_ji.
+    /// F_ij \[m³/s\] of every pair, in the layout of the operators: solenoidal, F_ij = −F_ji.
     pub(crate) flux: Vec<f64>,
     /// F of the step before; within a step F at its middle, then F of the step.
     pub(crate) flux_other: Vec<f64>,
@@ -85,7 +85,7 @@ impl Fluid {
     ) -> Result<Self, FluidError> {
         settings.check()?;
         let boundary = Boundary::new(&mesh, &geometry, &settings.boundary)?;
-        let operators = Operators::new(&mesh, &geometry);
+        let operators = Operators::new(&mesh, &geometry, settings.kernels);
         let (total, entries) = (mesh.total(), operators.flux_length());
         let given = mesh.halo.communicator().any(!boundary.given.is_empty());
         let mut fluid = Self {
@@ -229,8 +229,13 @@ impl Fluid {
     }
 
     /// Flux F_ij \[m³/s\] of every pair entry of [`DualGeometry`].
-    pub fn flux(&self) -> &[f64] {
-        &self.flux
+    pub fn flux(&self) -> Vec<f64> {
+        self.operators.to_entries(&self.flux)
+    }
+
+    /// True where kernels run along lines of a tensor-product mesh instead of over rows of pairs.
+    pub fn runs_on_lines(&self) -> bool {
+        self.operators.on_lines()
     }
 
     /// Body force \[N/m³\] by node; the owned part acts in the next steps until it is changed.

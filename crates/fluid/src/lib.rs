@@ -26,5 +26,5 @@ pub use fluid::{Fluid, StepReport};
 pub use loads::PatchLoad;
 pub use poisson::{PressureChoice, PressureReason, Projection};
 pub use predict::Prediction;
-pub use settings::{Diffusion, FluidSettings, Forcing, Inertia, PressurePreconditioner};
+pub use settings::{Diffusion, FluidSettings, Forcing, Inertia, Kernels, PressurePreconditioner};
 pub use state::FluidState;

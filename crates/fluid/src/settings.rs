@@ -25,6 +25,8 @@ pub struct FluidSettings {
     pub cleaning_cycles: usize,
     /// How viscous terms are advanced in time.
     pub diffusion: Diffusion,
+    /// How pairs of nodes are read.
+    pub kernels: Kernels,
     /// Which inertia the flow has.
     pub inertia: Inertia,
     /// In a flow without convection: where nothing resists a uniform flow (periodic boxes), the net force is balanced by
@@ -42,6 +44,16 @@ pub enum Diffusion {
     Explicit,
     /// Implicitly (Crank–Nicolson).
     Implicit,
+}
+
+/// How pairs of nodes are read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Kernels {
+    /// Line by line on tensor-product meshes that are numbered so, else from compressed rows.
+    #[default]
+    Auto,
+    /// From compressed rows.
+    Rows,
 }
 
 /// Which inertia a flow has.
@@ -88,6 +100,7 @@ impl FluidSettings {
             preconditioner: PressurePreconditioner::default(),
             cleaning_cycles: 2,
             diffusion: Diffusion::default(),
+            kernels: Kernels::default(),
             inertia: Inertia::default(),
             hold_mean_velocity: false,
         }

@@ -90,8 +90,11 @@ impl Fluid {
         FluidState {
             node: fields,
             pair: vec![
-                (FLUX.to_owned(), self.flux.clone()),
-                (FLUX_PREVIOUS.to_owned(), self.flux_other.clone()),
+                (FLUX.to_owned(), self.operators.to_entries(&self.flux)),
+                (
+                    FLUX_PREVIOUS.to_owned(),
+                    self.operators.to_entries(&self.flux_other),
+                ),
             ],
             scalars,
         }
@@ -103,7 +106,8 @@ impl Fluid {
     /// [`FluidError::State`] when something is missing or of the wrong length, [`FluidError::NotFinite`] for values
     /// that are not finite; nothing is changed in the first case.
     pub fn restore(&mut self, state: FluidState) -> Result<(), FluidError> {
-        let (owned, entries) = (self.mesh.owned(), self.flux.len());
+        let entries = self.operators.geometry.columns.len();
+        let owned = self.mesh.owned();
         let velocity = state.node(VELOCITY, 3, owned)?;
         let pressure = state.node(PRESSURE, 1, owned)?;
         let rates = [
@@ -128,8 +132,9 @@ impl Fluid {
         for (rate, stored) in self.poisson.rates.iter_mut().zip(rates) {
             rate.copy_from_slice(stored);
         }
-        self.flux.copy_from_slice(flux);
-        self.flux_other.copy_from_slice(flux_previous);
+        self.operators.take_entries(flux, &mut self.flux);
+        self.operators
+            .take_entries(flux_previous, &mut self.flux_other);
         self.mesh.halo.update(&mut self.velocity);
         self.mesh.halo.update(&mut self.pressure);
         self.flux_rate = flux_rate;
