@@ -70,6 +70,11 @@ pub enum FluidError {
     /// A time step that is not positive and finite.
     #[error("time step {0} s is not positive and finite")]
     TimeStep(f64),
+    /// A step that only a flow without convection can take.
+    #[error(
+        "only a flow without convection answers forces linearly (inertia \"linear\" or \"steady\")"
+    )]
+    Convection,
     /// A stored state that does not fit the mesh.
     #[error("stored state: `{name}` {problem}")]
     State {

@@ -20,6 +20,7 @@ mod settings;
 mod state;
 
 pub use boundary::{BoundaryCondition, Signal, TimeTable, VelocityProfile};
+pub use creeping::CreepingStep;
 pub use diffusion::DiffusionChoice;
 pub use error::FluidError;
 pub use fluid::{Fluid, StepReport};

@@ -15,20 +15,20 @@
 
 mod krylov;
 mod precondition;
+mod step;
 mod system;
+
+pub use step::CreepingStep;
 
 use crate::boundary::Boundary;
 use crate::operators::Operators;
-use crate::{Fluid, FluidError, Inertia, StepReport, rows};
+use crate::{Fluid, FluidError, Inertia, rows};
 use fibreflow_mesh::LocalMesh;
 use fibreflow_parallel::block_sums;
 use fibreflow_solve::SolveError;
 use krylov::{Krylov, Target, weighted_norm};
 use precondition::BlockPreconditioner;
 use system::{Data, System};
-
-/// Share of the second stage of the two-stage, stiffly accurate Runge–Kutta scheme (Alexander 1977): second order, L-stable.
-const GAMMA: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
 
 /// Attempts to bring both residuals below their targets; the second already starts near them.
 const ATTEMPTS: usize = 4;
@@ -47,8 +47,12 @@ pub(crate) struct Creeping {
     residual: Vec<[f64; 4]>,
     /// Flow per unit of driving force along the controlled direction, with the rate it belongs to.
     response: Option<(f64, Vec<[f64; 4]>)>,
-    /// Velocity at the start of the step, owned.
+    /// Velocity that a stage starts from, and that of the start of the step; owned.
     start: Vec<[f64; 4]>,
+    origin: Vec<[f64; 4]>,
+    /// (u, p) of the stages at the last solve of the step, total, if there was one.
+    answers: [Vec<[f64; 4]>; 2],
+    answered: bool,
 }
 
 /// How one linear solve went.
@@ -75,7 +79,10 @@ impl Creeping {
             unknown: vec![[0.0; 4]; mesh.total()],
             residual: owned.clone(),
             response: None,
-            start: owned,
+            start: owned.clone(),
+            origin: owned,
+            answers: std::array::from_fn(|_| vec![[0.0; 4]; mesh.total()]),
+            answered: false,
             system,
         })
     }
@@ -96,128 +103,6 @@ fn free_directions(mesh: &LocalMesh, boundary: &Boundary) -> [bool; 3] {
 }
 
 impl Fluid {
-    /// One step without convection. Collective.
-    pub(crate) fn creep(&mut self, dt: f64) -> Result<StepReport, FluidError> {
-        if !(dt > 0.0 && dt.is_finite()) {
-            return Err(FluidError::TimeStep(dt));
-        }
-        // Taken out while the fluid is read, put back whatever happens.
-        let Some(mut creeping) = self.creeping.take() else {
-            return Err(FluidError::Setting {
-                name: "viscosity",
-                value: self.settings.viscosity,
-                expected: "positive and finite in creeping flow",
-            });
-        };
-        let outcome = self.creep_with(&mut creeping, dt);
-        self.creeping = Some(creeping);
-        let solved = outcome?;
-        self.time += dt;
-        self.last_dt = dt;
-        self.steps += 1;
-        self.check_finite()?;
-        Ok(StepReport {
-            diffusion: self.choose_diffusion(dt),
-            momentum_iterations: [0; 3],
-            poisson_iterations: solved.iterations,
-            poisson_residual: Some(solved.divergence),
-        })
-    }
-
-    fn creep_with(&mut self, creeping: &mut Creeping, dt: f64) -> Result<Solved, FluidError> {
-        let owned = self.mesh.owned();
-        self.reaction.fill([0.0; 4]);
-        self.boundary.begin_step(0.0);
-        creeping.start.copy_from_slice(&self.velocity[..owned]);
-        let solved = match self.settings.inertia {
-            Inertia::Steady => self.stage(creeping, 0.0, [dt, dt])?,
-            _ => {
-                let rate = 1.0 / (GAMMA * dt);
-                let first = self.stage(creeping, rate, [GAMMA * dt, (1.0 - GAMMA) * dt])?;
-                let ahead = (1.0 - GAMMA) / GAMMA;
-                let velocity = &self.velocity;
-                rows::each(&mut creeping.start, |i, u| {
-                    (0..3).for_each(|c| u[c] += ahead * (velocity[i][c] - u[c]));
-                });
-                let second = self.stage(creeping, rate, [dt, GAMMA * dt])?;
-                Solved {
-                    iterations: first.iterations + second.iterations,
-                    ..second
-                }
-            }
-        };
-        std::mem::swap(&mut self.flux, &mut self.flux_other);
-        let rate = creeping
-            .system
-            .fluxes(&self.operators, &mut creeping.unknown, &mut self.flux);
-        self.flux_rate = self.mesh.halo.communicator().max(rate);
-        Ok(solved)
-    }
-
-    /// Solves for velocity and pressure with ∂u/∂t = `rate` (u − `creeping.start`); boundaries are as after
-    /// `passed` seconds, and their nodes take the forces on them for `weight` seconds.
-    fn stage(
-        &mut self,
-        creeping: &mut Creeping,
-        rate: f64,
-        [passed, weight]: [f64; 2],
-    ) -> Result<Solved, FluidError> {
-        let held = self.held(creeping);
-        let volumes = self.operators.volumes();
-        let per_mass = 1.0 / self.settings.density;
-        let [x, y, z] = self.driving;
-        let (driving, force) = ([x, y, z, 0.0], &self.body_force);
-        let start = &creeping.start;
-        rows::each(&mut creeping.source, |i, source| {
-            for c in 0..3 {
-                let f = per_mass * (force[i][c] + driving[c]);
-                source[c] = volumes[i] * (f + rate * start[i][c]);
-            }
-        });
-        self.boundary.move_to(self.time + passed);
-        self.boundary.pulse_to(self.time + passed);
-        self.boundary.balance()?;
-        for &(i, pressure) in &self.boundary.outlets {
-            self.pressure[i as usize] = pressure * per_mass;
-        }
-        self.impose_boundary();
-        let (velocity, pressure) = (&self.velocity, &self.pressure);
-        rows::each(&mut creeping.unknown, |i, x| {
-            let [u, v, w, _] = velocity[i];
-            *x = [u, v, w, pressure[i]];
-        });
-        let solved = self.solve_stokes(creeping, rate, held, true)?;
-        let controlled = self.control_bulk_velocity(creeping, rate, held)?;
-        let unknown = &creeping.unknown;
-        rows::each(&mut self.velocity, |i, u| {
-            let [x, y, z, _] = unknown[i];
-            *u = [x, y, z, 0.0];
-        });
-        rows::each(&mut self.pressure, |i, p| *p = unknown[i][3]);
-        let Creeping {
-            system,
-            unknown,
-            residual,
-            source,
-            ..
-        } = creeping;
-        let data = Data {
-            rate,
-            source,
-            given: true,
-        };
-        system.whole_residual(&self.operators, &self.boundary, data, unknown, residual);
-        for (constraint, reaction) in self.boundary.constraints.iter().zip(&mut self.reaction) {
-            let left = creeping.residual[constraint.node as usize];
-            let admitted = constraint.admit(left);
-            (0..3).for_each(|c| reaction[c] += weight * (left[c] - admitted[c]));
-        }
-        Ok(Solved {
-            iterations: solved.iterations + controlled,
-            ..solved
-        })
-    }
-
     /// Components whose mean velocity is kept: free ones in steady flow.
     fn held(&self, creeping: &Creeping) -> [bool; 3] {
         let steady = self.settings.inertia == Inertia::Steady || self.settings.hold_mean_velocity;
