@@ -13,7 +13,7 @@ pub enum Boundary {
     MovingWall {
         /// Velocity of the wall [m/s].
         velocity: [f64; 3],
-        /// Number in time that the velocity is multiplied by. Default: one.
+        /// Number in time that this is multiplied by. Default: one.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         factor: Option<Factor>,
     },
@@ -26,7 +26,7 @@ pub enum Boundary {
         axis: [f64; 3],
         /// Angular velocity about the axis, right-handed [rad/s].
         rate: f64,
-        /// Number in time that the rate is multiplied by. Default: one.
+        /// Number in time that this is multiplied by. Default: one.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         factor: Option<Factor>,
     },
@@ -40,7 +40,7 @@ pub enum Boundary {
         /// Shape over the patch.
         #[serde(default)]
         profile: Profile,
-        /// Number in time that the velocity is multiplied by. Default: one.
+        /// Number in time that this is multiplied by. Default: one.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         factor: Option<Factor>,
     },
@@ -49,7 +49,7 @@ pub enum Boundary {
         /// Pressure [Pa].
         #[serde(default)]
         pressure: f64,
-        /// Number in time that the pressure is multiplied by. Default: one.
+        /// Number in time that this is multiplied by. Default: one.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         factor: Option<Factor>,
     },
