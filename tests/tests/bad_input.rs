@@ -160,6 +160,57 @@ fn on_top(condition: &str) -> Bench {
 }
 
 #[test]
+fn keys_that_do_not_go_with_the_inertia() {
+    let bench = bench(CASE);
+    let set = |keys: &[&str], wanted: &[&str]| {
+        let arguments: Vec<&str> = keys.iter().flat_map(|k| ["--set", k]).collect();
+        refused(&bench, &arguments, wanted);
+    };
+    let held = "fluid.hold_mean_velocity=true";
+    set(
+        &[held],
+        &[
+            "`fluid.hold_mean_velocity` needs",
+            "inertia full: nothing moves",
+        ],
+    );
+    let (linear, steady) = ("fluid.inertia=linear", "fluid.inertia=steady");
+    set(
+        &[linear, "fluid.diffusion=explicit"],
+        &["`fluid.diffusion` needs", "inertia linear"],
+    );
+    set(
+        &[steady, "fluid.order=4"],
+        &["`fluid.order` must be 2", "as set"],
+    );
+    let outlet = "fluid.boundaries.y_max={ kind = \"convective-outlet\" }";
+    set(
+        &[steady, outlet],
+        &["`fluid.boundaries.y_max` is an outlet", "`outlet`"],
+    );
+    set(
+        &["fluid.inertia=stokes"],
+        &["fluid.inertia", "`linear`, `steady`"],
+    );
+}
+
+#[test]
+fn a_step_that_explicit_diffusion_cannot_bear() {
+    let viscous = [
+        "--set",
+        "fluid.viscosity=1e4",
+        "--set",
+        "fluid.diffusion=explicit",
+    ];
+    let wanted = [
+        "`time.step = 0.1` is beyond the limit",
+        "case.toml:3",
+        "`time.cfl`",
+    ];
+    refused(&bench(CASE), &viscous, &wanted);
+}
+
+#[test]
 fn loads_on_a_patch_that_is_not_there() {
     let loads = "[output.loads]\npatches = [\"y_min\", \"y_mix\"]\n\n[[fibres]]";
     let bench = changed("[[fibres]]", loads);

@@ -119,6 +119,37 @@ fn a_pressure_that_oscillates_moves_the_plug() {
     assert!(apart[0] < 5e-3 && apart[1] < apart[0] / 3.0, "{apart:?}");
 }
 
+/// ρ dū/dt = G cos ωt, with and without convection.
+#[test]
+fn a_gradient_that_oscillates_moves_the_plug() {
+    let bench = duct("OPEN", "OPEN");
+    let text = std::fs::read_to_string(bench.path("case.toml")).expect("case");
+    let text = text.replace("x_min = OPEN\nx_max = OPEN\n", "");
+    let forcing = "forcing = { kind = \"pressure-gradient\", value = [4, 0, 0], factor = { kind = \"formula\", value = \"cos(2*pi*t/0.4)\" } }";
+    let text = text.replace("cells", "periodic = [true, false, false]\ncells");
+    let text = text.replace("viscosity", &format!("{forcing}\nviscosity"));
+    std::fs::write(bench.path("case.toml"), text).expect("case");
+    let omega = TAU / 0.4;
+    let amplitude = 4.0 / (2.0 * omega);
+    for inertia in ["full", "linear"] {
+        let apart = ["0.01", "0.005"].map(|step| {
+            let out = format!("{inertia}-{step}");
+            let set = [
+                format!("time.step={step}"),
+                format!("fluid.inertia={inertia}"),
+            ];
+            let ended = bench.run(1, &out, &["--set", &set[0], "--set", &set[1]]);
+            let ended = ended.expect("one rank needs no mpirun");
+            assert!(ended.status.success(), "{}", ended.text);
+            let found = series(&bench, &out, "bulk_velocity_x");
+            off(&found, |t| amplitude * (omega * t).sin()) / amplitude
+        });
+        println!("{inertia}: off by {apart:?} of the amplitude");
+        // (ωΔt)²/24 of the midpoint rule.
+        assert!(apart[0] < 1.1e-3 && apart[1] < apart[0] / 3.5, "{apart:?}");
+    }
+}
+
 #[test]
 fn a_profile_is_the_same_as_formula_and_as_file() {
     let outlet = "{ kind = \"outlet\" }";

@@ -19,7 +19,12 @@ pub fn describe(scene: &Scene, case: &Case, log: &mut Log) {
             mesh.total_elements,
             fluid.viscosity / fluid.density
         ));
-        log.line(&format!("  {}", solver.pressure_choice()));
+        if let Some(inertia) = scene.flow.inertia() {
+            log.line(&format!("  {inertia}"));
+        }
+        if scene.flow.convects() {
+            log.line(&format!("  {}", solver.pressure_choice()));
+        }
     }
     if case.ambient.is_some() {
         log.line("flow: prescribed, nothing is solved for");

@@ -2,7 +2,7 @@
 
 use crate::scene::Scene;
 use fibreflow_coupling::SpreadReport;
-use fibreflow_fluid::{Fluid, StepReport};
+use fibreflow_fluid::{DiffusionChoice, Fluid, StepReport};
 use serde::Serialize;
 use std::time::Instant;
 
@@ -15,6 +15,8 @@ pub struct Figures {
     pub cfl: f64,
     /// Largest divergence \[1/s\].
     pub divergence: f64,
+    /// How diffusion was advanced; None without convection, where all is implicit.
+    pub diffusion: Option<DiffusionChoice>,
     /// Iterations of the pressure solve.
     pub poisson_iterations: usize,
     /// Iterations of the viscous solves.
@@ -79,8 +81,7 @@ impl Figures {
         let fluid = scene.flow.fluid();
         Self {
             has_fluid: fluid.is_some(),
-            // The step at which the Courant number would be one.
-            cfl: fluid.map_or(0.0, |f| dt / f.suggest_dt(1.0, f64::INFINITY)),
+            cfl: fluid.map_or(0.0, |f| f.courant_number(dt)),
             fibres: scene.fibre_count,
             ..Self::default()
         }
@@ -97,7 +98,8 @@ impl Figures {
     }
 
     /// Takes over what the fluid reports.
-    pub fn fluid(&mut self, report: &StepReport) {
+    pub fn fluid(&mut self, report: &StepReport, convects: bool) {
+        self.diffusion = convects.then_some(report.diffusion);
         self.poisson_iterations = report.poisson_iterations;
         self.momentum_iterations = report.momentum_iterations.iter().sum();
     }

@@ -123,7 +123,7 @@ impl Run {
             }
             // Convect, diffuse, project.
             if let Some(report) = timed(&mut times.fluid, || scene.flow.advance(dt))? {
-                figures.fluid(&report);
+                figures.fluid(&report, scene.flow.convects());
             }
             figures.after(scene);
             totals.add(figures);
@@ -176,7 +176,7 @@ impl Run {
     fn explained(&self, error: ProgramError) -> ProgramError {
         let message = error.message.unwrap_or_default();
         let (step, time, cfl) = (self.clock.step, self.clock.time, self.figures.cfl);
-        let cause = if self.figures.has_fluid && (cfl.is_nan() || cfl > LARGEST_CFL) {
+        let cause = if self.scene.flow.convects() && (cfl.is_nan() || cfl > LARGEST_CFL) {
             format!(
                 "likely cause: the Courant number {cfl:.3} of the step; take a smaller `time.step`, or give `time.cfl`"
             )

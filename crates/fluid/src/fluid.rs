@@ -114,10 +114,7 @@ impl Fluid {
             flux_rate: 0.0,
             viscous_rate: 0.0,
             body_force: vec![[0.0; 4]; total],
-            driving: match settings.forcing {
-                Forcing::PressureGradient(gradient) => gradient,
-                Forcing::BulkVelocity { .. } => [0.0; 3],
-            },
+            driving: [0.0; 3],
             reaction: vec![[0.0; 4]; boundary.constraints.len()],
             time: 0.0,
             last_dt: 0.0,
@@ -169,6 +166,7 @@ impl Fluid {
     /// Pressure and history as before the first step.
     fn restart_history(&mut self) -> Result<(), FluidError> {
         self.time = 0.0;
+        self.drive(0.0);
         self.boundary.restart(&self.velocity)?;
         self.last_dt = 0.0;
         self.steps = 0;
@@ -176,6 +174,14 @@ impl Fluid {
         self.reaction.fill([0.0; 4]);
         self.poisson.forget();
         Ok(())
+    }
+
+    /// The given driving force at a time \[s\]; that of a bulk velocity is found in the step.
+    pub(crate) fn drive(&mut self, time: f64) {
+        if let Forcing::PressureGradient(gradient) = self.settings.forcing {
+            let factor = self.settings.forcing_factor.at(time);
+            self.driving = gradient.map(|g| factor * g);
+        }
     }
 
     /// One step of size `dt` \[s\]: predict, project; without convection one Stokes problem. Collective.

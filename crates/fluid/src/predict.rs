@@ -102,6 +102,7 @@ impl Fluid {
             return Err(FluidError::TimeStep(dt));
         }
         let diffusion = self.choose_diffusion(dt);
+        self.drive(self.time + 0.5 * dt);
         self.extrapolate_flux(dt);
         if self.steps == 0 {
             self.start_pressure(dt)?;

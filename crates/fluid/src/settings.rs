@@ -1,6 +1,6 @@
 //! What a flow is made of: fluid, boundary conditions, forcing, tolerances.
 
-use crate::{BoundaryCondition, FluidError};
+use crate::{BoundaryCondition, FluidError, Signal};
 use fibreflow_solve::CgSettings;
 
 /// Everything [`crate::Fluid`] needs besides the mesh. SI units.
@@ -14,6 +14,8 @@ pub struct FluidSettings {
     pub boundary: Vec<BoundaryCondition>,
     /// What drives the flow besides boundaries and the body-force field.
     pub forcing: Forcing,
+    /// Number in time that a given pressure gradient is multiplied by, taken in the middle of every step.
+    pub forcing_factor: Signal,
     /// Stopping rule of the implicit viscous solves; relative to the norm of the explicit increment.
     pub momentum: CgSettings,
     /// Stopping rule of the pressure solve; relative to the norm of the predicted divergence.
@@ -95,6 +97,7 @@ impl FluidSettings {
             viscosity,
             boundary: Vec::new(),
             forcing: Forcing::default(),
+            forcing_factor: Signal::Constant(1.0),
             momentum: solver,
             pressure: solver,
             preconditioner: PressurePreconditioner::default(),

@@ -1,6 +1,6 @@
 //! The fluid: material, initial field, boundaries, forcing, solver.
 
-use super::Boundary;
+use super::{Boundary, Factor};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -20,6 +20,16 @@ pub struct Fluid {
     #[serde(default = "second")]
     #[schemars(extend("enum" = [2, 4]))]
     pub order: u8,
+    /// Which inertia the flow has.
+    #[serde(default)]
+    pub inertia: Inertia,
+    /// In a flow without convection that nothing holds in some direction (periodic boxes): the net force in that direction
+    /// is balanced by a uniform pressure gradient, and the mean velocity kept. Always so with `inertia = "steady"`.
+    #[serde(default)]
+    pub hold_mean_velocity: bool,
+    /// How viscous terms are advanced in time.
+    #[serde(default)]
+    pub diffusion: Diffusion,
     /// Velocity at the start. Default: at rest.
     #[serde(default)]
     pub initial: Initial,
@@ -36,6 +46,34 @@ pub struct Fluid {
 
 fn second() -> u8 {
     2
+}
+
+/// Which inertia a flow has.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Inertia {
+    /// `linear` where the velocities, forces and lengths of the case give a Reynolds number below 0.1, else `full`.
+    #[default]
+    Auto,
+    /// Navier–Stokes.
+    Full,
+    /// ∂u/∂t without convection: unsteady Stokes flow.
+    Linear,
+    /// None: at every step the steady Stokes flow of the moment.
+    Steady,
+}
+
+/// How viscous terms are advanced in time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Diffusion {
+    /// Explicitly in the steps in which that is stable, else implicitly.
+    #[default]
+    Auto,
+    /// Explicitly; with `time.cfl` the viscous number limits the step too.
+    Explicit,
+    /// Implicitly (Crank–Nicolson).
+    Implicit,
 }
 
 /// Velocity at the start.
@@ -116,10 +154,13 @@ pub enum Forcing {
     /// Nothing but the boundaries.
     #[default]
     None,
-    /// Constant driving force per volume, −dp/dx.
+    /// Given driving force per volume, −dp/dx.
     PressureGradient {
         /// Force per volume [N/m³].
         value: [f64; 3],
+        /// Number in time that this is multiplied by. Default: one.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        factor: Option<Factor>,
     },
     /// A force per volume that keeps the mean velocity along a direction.
     BulkVelocity {

@@ -25,7 +25,9 @@ pub use fibres::{
     AmbientFlow, Clamp, Contact, Coupling, CouplingMode, DragLaw, FibreGroup, Gravity,
     Hydrodynamics, Orientation, Placement, PointLoad, Shape, TorqueLaw,
 };
-pub use fluid::{ChannelProfile, Fluid, Forcing, Initial, Poisson, Preconditioner};
+pub use fluid::{
+    ChannelProfile, Diffusion, Fluid, Forcing, Inertia, Initial, Poisson, Preconditioner,
+};
 pub use loads::{Coefficients, Loads};
 pub use mesh::{Ambient, BoxElement, Domain, MeshSource, Stretching};
 pub use run::{Exact, Output, Schedule, Time};

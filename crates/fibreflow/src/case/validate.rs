@@ -273,8 +273,9 @@ fn check_exact(case: &Case, document: &Document) -> Checked {
             fluid.is_some_and(|f| matches!(f.initial, Initial::TaylorGreen { .. }))
         }
         Exact::Poiseuille => {
-            fluid.is_some_and(|f| matches!(f.forcing, Forcing::PressureGradient { .. }))
-                && matches!(&case.mesh, Some(MeshSource::Box { periodic, .. }) if periodic.iter().filter(|p| !**p).count() == 1)
+            fluid.is_some_and(|f| {
+                matches!(f.forcing, Forcing::PressureGradient { factor: None, .. })
+            }) && matches!(&case.mesh, Some(MeshSource::Box { periodic, .. }) if periodic.iter().filter(|p| !**p).count() == 1)
         }
         Exact::Cantilever => case
             .fibres
@@ -294,7 +295,7 @@ fn check_exact(case: &Case, document: &Document) -> Checked {
     let needs = match exact {
         Exact::TaylorGreen => "`fluid.initial` of kind \"taylor-green\"",
         Exact::Poiseuille => {
-            "a box with one direction that is not periodic and `fluid.forcing` of kind \"pressure-gradient\""
+            "a box with one direction that is not periodic and `fluid.forcing` of kind \"pressure-gradient\" without `factor`"
         }
         Exact::Cantilever => "a first fibre with a point load",
         Exact::Jeffery => "a fibre in `ambient.flow` of kind \"shear\"",

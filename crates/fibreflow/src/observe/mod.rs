@@ -132,6 +132,7 @@ impl Observers {
         if clock.is_due(&self.output.vtk) {
             self.vtk.write(scene, clock)?;
         }
+        self.progress.note_diffusion(clock, figures, log);
         if self.progress.show(clock, figures, log) {
             self.flush()?;
         }

@@ -13,6 +13,7 @@ pub struct Progress {
     start: f64,
     shown: f64,
     shown_step: u64,
+    implicit: Option<bool>,
 }
 
 impl Progress {
@@ -23,6 +24,7 @@ impl Progress {
             start: 0.0,
             shown: f64::NEG_INFINITY,
             shown_step: u64::MAX,
+            implicit: None,
         }
     }
 
@@ -42,6 +44,17 @@ impl Progress {
             self.line(clock, figures, log);
         }
         due
+    }
+
+    /// A note in the log when diffusion is advanced in another way than in the steps before.
+    pub fn note_diffusion(&mut self, clock: &Clock, figures: &Figures, log: &mut Log) {
+        let implicit = figures.diffusion.map(|choice| choice.implicit);
+        if let Some(choice) = figures.diffusion
+            && implicit != self.implicit
+        {
+            log.note(&format!("step {}: {choice}", clock.step));
+        }
+        self.implicit = implicit;
     }
 
     /// The line of the last step.

@@ -79,7 +79,11 @@ fn taylor_green(scene: &Scene, about: &FluidCase, fluid: &Fluid, clock: &Clock) 
 
 /// u = G h² (1 − η²) / 2μ.
 fn poiseuille(scene: &Scene, case: &Case, about: &FluidCase, fluid: &Fluid) -> Errors {
-    let Forcing::PressureGradient { value } = about.forcing else {
+    let Forcing::PressureGradient {
+        value,
+        factor: None,
+    } = about.forcing
+    else {
         return Vec::new();
     };
     let Ok(channel) = Channel::new(case.domain().as_ref()) else {

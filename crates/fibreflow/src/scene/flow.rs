@@ -1,18 +1,16 @@
 //! The flow around the fibres: solved for on a mesh, or prescribed.
 
 use super::boundary::Boundaries;
+use super::inertia::{InertiaChoice, bounds};
 use super::initial::velocity_field;
 use super::mesh::SceneMesh;
+use super::settings::settings;
 use crate::case::{self, Case, CouplingMode, Document};
-use crate::error::ProgramError;
+use crate::error::{ProgramError, agree};
 use fibreflow_coupling::{Coupling, SpreadReport};
 use fibreflow_fibre::hydrodynamics::AmbientFlow;
 use fibreflow_fibre::{Ambient, FibreSystem, Points, Reaction};
-use fibreflow_fluid::{
-    BoundaryCondition, Fluid, FluidError, FluidSettings, Forcing, PressurePreconditioner,
-    StepReport,
-};
-use fibreflow_solve::CgSettings;
+use fibreflow_fluid::{BoundaryCondition, Fluid, FluidError, Inertia, StepReport};
 use nalgebra::Vector3;
 use std::path::Path;
 
@@ -32,6 +30,8 @@ pub struct Solved {
     pub coupling: Coupling,
     /// The fibres act back on the fluid.
     pub two_way: bool,
+    /// Which inertia it has, and why.
+    pub inertia: InertiaChoice,
 }
 
 impl Flow {
@@ -61,6 +61,19 @@ impl Flow {
     pub fn fluid(&self) -> Option<&Fluid> {
         match self {
             Self::Solved(solved) => Some(&solved.fluid),
+            Self::Prescribed(_) => None,
+        }
+    }
+
+    /// A fluid is solved for, with convection.
+    pub fn convects(&self) -> bool {
+        self.inertia().is_some_and(|i| i.inertia == Inertia::Full)
+    }
+
+    /// Which inertia the fluid has, if one is solved for.
+    pub fn inertia(&self) -> Option<&InertiaChoice> {
+        match self {
+            Self::Solved(solved) => Some(&solved.inertia),
             Self::Prescribed(_) => None,
         }
     }
@@ -173,34 +186,23 @@ fn solved(
     folder: &Path,
 ) -> Result<Solved, ProgramError> {
     let domain = case.domain();
-    let mut settings = FluidSettings::new(fluid.density, fluid.viscosity);
+    let communicator = mesh.local.halo.communicator();
+    let inertia = InertiaChoice::new(case, fluid, bounds(&mesh.local));
     let boundaries = Boundaries {
         fluid,
         document,
         folder,
         domain: domain.as_ref(),
     };
-    settings.boundary = boundaries.conditions(&mesh.local.patches)?;
-    settings.forcing = match fluid.forcing {
-        case::Forcing::None => Forcing::default(),
-        case::Forcing::PressureGradient { value } => Forcing::PressureGradient(value),
-        case::Forcing::BulkVelocity { direction, value } => {
-            Forcing::BulkVelocity { direction, value }
-        }
+    let read = || {
+        inertia.check(fluid, document)?;
+        let settings = settings(&boundaries, &mesh.local.patches, inertia.inertia)?;
+        Ok((
+            settings,
+            velocity_field(&fluid.initial, domain.as_ref(), folder)?,
+        ))
     };
-    settings.pressure = CgSettings {
-        relative_tolerance: fluid.poisson.tolerance,
-        absolute_tolerance: 0.0,
-        max_iterations: fluid.poisson.max_iterations,
-    };
-    settings.momentum = settings.pressure;
-    settings.preconditioner = match fluid.poisson.preconditioner {
-        case::Preconditioner::Auto => PressurePreconditioner::Auto,
-        case::Preconditioner::Direct => PressurePreconditioner::Direct,
-        case::Preconditioner::Amg => PressurePreconditioner::Amg,
-        case::Preconditioner::Jacobi => PressurePreconditioner::Jacobi,
-    };
-    let initial = velocity_field(&fluid.initial, domain.as_ref(), folder)?;
+    let (settings, initial) = agree(communicator, read())?;
     let as_input = |e| match e {
         FluidError::NoDirect(_) => {
             ProgramError::input(format!("`fluid.poisson.preconditioner = \"direct\"`: {e}"))
@@ -210,12 +212,32 @@ fn solved(
     let mut solver =
         Fluid::new(mesh.local.clone(), mesh.geometry.clone(), settings).map_err(as_input)?;
     solver.set_velocity(initial).map_err(as_input)?;
+    check_step(case, document, &solver)?;
     let given = given_velocity(mesh, &solver.settings().boundary);
     Ok(Solved {
         coupling: Coupling::new(mesh.local.clone(), mesh.geometry.clone(), given)?,
         two_way: case.coupling.mode == CouplingMode::TwoWay,
         fluid: solver,
+        inertia,
     })
+}
+
+/// A constant step that explicit diffusion cannot bear blows up at once.
+fn check_step(case: &Case, document: &Document, fluid: &Fluid) -> Result<(), ProgramError> {
+    let Some(step) = case.time.step else {
+        return Ok(());
+    };
+    let stable = fluid.suggest_dt(f64::INFINITY, step);
+    if stable >= step * (1.0 - 1e-9) {
+        return Ok(());
+    }
+    let error = document.value_error(
+        "time.step",
+        format!("`time.step = {step}` is beyond the limit of `fluid.diffusion = \"explicit\"`: {stable:.4e} s at the start"),
+    );
+    Err(error
+        .with_help("a smaller step, `time.cfl` in its place, or diffusion \"auto\" or \"implicit\"")
+        .into())
 }
 
 /// Owned nodes whose velocity is given.

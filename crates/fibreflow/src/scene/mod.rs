@@ -6,9 +6,11 @@ mod exact;
 mod expression;
 mod fibres;
 mod flow;
+mod inertia;
 mod initial;
 mod mesh;
 mod scatter;
+mod settings;
 
 pub use exact::errors;
 pub use flow::{Flow, Solved};

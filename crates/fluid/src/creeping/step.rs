@@ -44,6 +44,8 @@ impl Fluid {
         let owned = self.mesh.owned();
         creeping.origin.copy_from_slice(&self.velocity[..owned]);
         creeping.answered = false;
+        let steady = self.settings.inertia == Inertia::Steady;
+        self.drive(self.time + if steady { dt } else { 0.5 * dt });
         self.boundary.begin_step(0.0);
         Ok(CreepingStep {
             fluid: self,

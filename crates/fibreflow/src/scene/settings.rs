@@ -1,0 +1,53 @@
+//! The settings of the solver, as the case file asks for them.
+
+use super::boundary::Boundaries;
+use crate::case::{self, CaseError};
+use fibreflow_fluid::{Diffusion, FluidSettings, Forcing, Inertia, PressurePreconditioner};
+use fibreflow_solve::CgSettings;
+
+/// What the solver is made with.
+///
+/// # Errors
+/// Boundaries and signals that make no sense.
+pub fn settings(
+    boundaries: &Boundaries<'_>,
+    patches: &[String],
+    inertia: Inertia,
+) -> Result<FluidSettings, Box<CaseError>> {
+    let fluid = boundaries.fluid;
+    let mut settings = FluidSettings::new(fluid.density, fluid.viscosity);
+    settings.boundary = boundaries.conditions(patches)?;
+    settings.forcing = match &fluid.forcing {
+        case::Forcing::None => Forcing::default(),
+        case::Forcing::PressureGradient { value, factor } => {
+            if let Some(factor) = factor {
+                settings.forcing_factor = boundaries.signal(factor, "fluid.forcing.factor")?;
+            }
+            Forcing::PressureGradient(*value)
+        }
+        case::Forcing::BulkVelocity { direction, value } => Forcing::BulkVelocity {
+            direction: *direction,
+            value: *value,
+        },
+    };
+    settings.inertia = inertia;
+    settings.hold_mean_velocity = fluid.hold_mean_velocity;
+    settings.diffusion = match fluid.diffusion {
+        case::Diffusion::Auto => Diffusion::Auto,
+        case::Diffusion::Explicit => Diffusion::Explicit,
+        case::Diffusion::Implicit => Diffusion::Implicit,
+    };
+    settings.pressure = CgSettings {
+        relative_tolerance: fluid.poisson.tolerance,
+        absolute_tolerance: 0.0,
+        max_iterations: fluid.poisson.max_iterations,
+    };
+    settings.momentum = settings.pressure;
+    settings.preconditioner = match fluid.poisson.preconditioner {
+        case::Preconditioner::Auto => PressurePreconditioner::Auto,
+        case::Preconditioner::Direct => PressurePreconditioner::Direct,
+        case::Preconditioner::Amg => PressurePreconditioner::Amg,
+        case::Preconditioner::Jacobi => PressurePreconditioner::Jacobi,
+    };
+    Ok(settings)
+}
