@@ -1,24 +1,34 @@
 //! Cost of a step, in ns per node, on one thread: `cargo run --release -p fibreflow-fluid --example cost [cells]`.
 
-use fibreflow_fluid::{BoundaryCondition, Fluid, FluidError, FluidSettings, Forcing, initial};
-use fibreflow_mesh::{BoxElement, BoxMesh, LocalMesh, geometry};
+use fibreflow_fluid::{
+    BoundaryCondition, Fluid, FluidError, FluidSettings, Forcing, Kernels, PressurePreconditioner,
+    initial,
+};
+use fibreflow_mesh::{BoxElement, BoxMesh, LocalMesh, Stretching, geometry, renumber};
 use std::error::Error;
 use std::sync::Arc;
 use std::time::Instant;
 
 const STEPS: usize = 20;
 
-/// Turbulent start of a channel with `n` cells in each direction.
-fn channel(n: usize, element: BoxElement, cleaning_cycles: usize) -> Result<Fluid, Box<dyn Error>> {
+/// Turbulent start of a wall-stretched channel with `n` cells in each direction.
+fn channel(n: usize, element: BoxElement, change: FluidSettings) -> Result<Fluid, Box<dyn Error>> {
     let size = [4.0, 2.0, 2.0];
-    let mesh = BoxMesh {
+    let mut mesh = BoxMesh {
         size,
         cells: [n; 3],
         periodic: [true, false, true],
+        stretching: [
+            Stretching::Uniform,
+            Stretching::Tanh(2.0),
+            Stretching::Uniform,
+        ],
         element,
         ..BoxMesh::default()
-    };
-    let mesh = Arc::new(LocalMesh::single(mesh.build()?));
+    }
+    .build()?;
+    renumber(&mut mesh)?;
+    let mesh = Arc::new(LocalMesh::single(mesh));
     let dual = Arc::new(geometry::dual(&mesh)?);
     let settings = FluidSettings {
         boundary: vec![BoundaryCondition::WALL; mesh.patches.len()],
@@ -26,8 +36,7 @@ fn channel(n: usize, element: BoxElement, cleaning_cycles: usize) -> Result<Flui
             direction: [1.0, 0.0, 0.0],
             value: 1.0,
         },
-        cleaning_cycles,
-        ..FluidSettings::new(1.0, 1.0 / 2800.0)
+        ..change
     };
     let mut fluid = Fluid::new(mesh, dual, settings)?;
     let start = initial::PerturbedChannel {
@@ -50,9 +59,35 @@ fn main() -> Result<(), Box<dyn Error>> {
         None => 32,
     };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
-    for element in [BoxElement::Hexahedron, BoxElement::Tetrahedron] {
-        for cleaning_cycles in [2, 0] {
-            let mut fluid = channel(n, element, cleaning_cycles)?;
+    let plain = FluidSettings::new(1.0, 1.0 / 2800.0);
+    let general = FluidSettings {
+        kernels: Kernels::Rows,
+        preconditioner: PressurePreconditioner::Amg,
+        ..plain.clone()
+    };
+    for (name, element, settings) in [
+        (
+            "hexahedra, as chosen",
+            BoxElement::Hexahedron,
+            plain.clone(),
+        ),
+        (
+            "hexahedra, rows of pairs",
+            BoxElement::Hexahedron,
+            FluidSettings {
+                kernels: Kernels::Rows,
+                ..plain.clone()
+            },
+        ),
+        ("hexahedra, as general", BoxElement::Hexahedron, general),
+        ("tetrahedra", BoxElement::Tetrahedron, plain),
+    ] {
+        for cleaning_cycles in [settings.cleaning_cycles, 0] {
+            let settings = FluidSettings {
+                cleaning_cycles,
+                ..settings.clone()
+            };
+            let mut fluid = channel(n, element, settings)?;
             let nodes = fluid.mesh().owned();
             let (mut predict, mut project) = (0.0, 0.0);
             let (mut viscous, mut poisson) = (0, 0);
@@ -76,7 +111,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             let cost = |seconds: f64| seconds * 1e9 / (nodes * STEPS) as f64;
             let mean = |count: usize| count as f64 / STEPS as f64;
             println!(
-                "{element:?}, {nodes} nodes, {cleaning_cycles} cleaning cycles: predict {:.0} ns ({:.1} viscous \
+                "{name}, {nodes} nodes, {cleaning_cycles} cleaning cycles: predict {:.0} ns ({:.1} viscous \
                  iterations), project {:.0} ns ({:.1} Poisson iterations), sum {:.0} ns per node and step",
                 cost(predict),
                 mean(viscous),
