@@ -53,6 +53,31 @@ fn channel(n: usize, element: BoxElement, change: FluidSettings) -> Result<Fluid
     Ok(fluid)
 }
 
+/// What the kernels cost on their own, with the bandwidth they reach.
+fn print_kernels(fluid: &mut Fluid) {
+    let nodes = fluid.mesh().owned() as f64;
+    let (mut bytes, mut seconds) = (0.0, 0.0);
+    for cost in fluid.kernel_costs(7) {
+        let runs = cost.runs_per_step as f64;
+        bytes += runs * cost.bytes_per_node;
+        seconds += runs * cost.seconds;
+        println!(
+            "    {:<40} x {} {:6.1} ns a node, {:4.0} bytes, {:5.1} GB/s",
+            cost.name,
+            cost.runs_per_step,
+            cost.seconds * 1e9 / nodes,
+            cost.bytes_per_node,
+            cost.bytes_per_node * nodes / cost.seconds * 1e-9,
+        );
+    }
+    println!(
+        "    {:<40}     {:6.1} ns a node, {bytes:4.0} bytes, {:5.1} GB/s",
+        "sum over a step",
+        seconds * 1e9 / nodes,
+        bytes * nodes / seconds * 1e-9,
+    );
+}
+
 fn main() -> Result<(), Box<dyn Error>> {
     let n = match std::env::args().nth(1) {
         Some(text) => text.parse()?,
@@ -119,6 +144,9 @@ fn main() -> Result<(), Box<dyn Error>> {
                 mean(poisson),
                 cost(predict + project),
             );
+            if cleaning_cycles > 0 {
+                pool.install(|| print_kernels(&mut fluid));
+            }
         }
     }
     Ok(())

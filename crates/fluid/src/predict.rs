@@ -123,7 +123,7 @@ impl Fluid {
     }
 
     /// F(t + ½Δt) = F + ½ (Δt/Δt') (F − F'), in the place of F'.
-    fn extrapolate_flux(&mut self, dt: f64) {
+    pub(crate) fn extrapolate_flux(&mut self, dt: f64) {
         let ahead = if self.last_dt > 0.0 {
             0.5 * dt / self.last_dt
         } else {
@@ -196,7 +196,7 @@ impl Fluid {
     }
 
     /// A sub-step with explicit diffusion, in one pass.
-    fn explicit_sub_step(&mut self, step: &SubStep, dt: f64, passed: f64) {
+    pub(crate) fn explicit_sub_step(&mut self, step: &SubStep, dt: f64, passed: f64) {
         let nu = self.settings.kinematic_viscosity();
         let (gamma, zeta, alpha) = (dt * step.gamma, dt * step.zeta, dt * step.alpha);
         let Momentum {

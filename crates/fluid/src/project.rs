@@ -102,7 +102,7 @@ impl Fluid {
     }
 
     /// F = F* − w (ψ_j − ψ_i), u = u* − P G ψ, p += ψ/Δt (not where Δt is zero).
-    fn correct(&mut self, dt: f64) {
+    pub(crate) fn correct(&mut self, dt: f64) {
         let psi = &self.poisson.psi;
         let inverse = self.operators.inverse_volumes();
         let owned = inverse.len();

@@ -1,7 +1,7 @@
 //! Kernels on a [`Lattice`]: one pass over the lines, blocks of lines to threads.
 //!
 //! Scalars are worked on in chunks of a line: sums of a chunk stay in registers and the nearest cache while one neighbouring
-//! line after another is added, every one of them a contiguous slice.
+//! line after another is added, every one of them a contiguous slice. (`axis & 3`: no bounds to check.)
 
 use super::Part;
 use super::lattice::{Arm, Lattice, wrapped};
@@ -220,7 +220,7 @@ impl Lattice {
                 let own = &here[start..][..count];
                 let norm = &self.norm[start..][..count];
                 let (mut sums, mut sizes) = ([0.0; CHUNK], [0.0; CHUNK]);
-                let (axis, area) = (self.axis, 0.5 * self.areas[line]);
+                let (axis, area) = (self.axis & 3, 0.5 * self.areas[line]);
                 for along in &self.along {
                     let (mut next, mut previous) = ([0.0; CHUNK], [0.0; CHUNK]);
                     around(
@@ -243,7 +243,7 @@ impl Lattice {
                 }
                 for arm in self.arms(line) {
                     let other = &u[arm.start as usize + start..][..count];
-                    let (axis, half) = (arm.axis as usize, 0.5 * arm.sign * arm.skew);
+                    let (axis, half) = (arm.axis as usize & 3, 0.5 * arm.sign * arm.skew);
                     for k in 0..count {
                         let flux = half * norm[k] * (own[k][axis] + other[k][axis]);
                         sums[k] += flux;
@@ -369,7 +369,7 @@ impl Lattice {
         let count = CHUNK.min(self.length - start);
         let (own, own_level) = (&here[start..][..count], &level[start..][..count]);
         let norm = &self.norm[start..][..count];
-        let (axis, area) = (self.axis, self.areas[line]);
+        let (axis, area) = (self.axis & 3, self.areas[line]);
         for (place, along) in self.along.iter().enumerate() {
             let (mut next, mut previous) = ([0.0; CHUNK], [0.0; CHUNK]);
             let (mut above, mut below) = ([0.0; CHUNK], [0.0; CHUNK]);
@@ -411,7 +411,7 @@ impl Lattice {
         for arm in self.arms(line) {
             let from = arm.start as usize + start;
             let (other, other_level) = (&u[from..][..count], &psi[from..][..count]);
-            let axis = arm.axis as usize;
+            let axis = arm.axis as usize & 3;
             let value = |k: usize| {
                 let carried = 0.5 * arm.skew * (own[k][axis] + other[k][axis]);
                 norm[k] * (carried - arm.sign * arm.stiffness * (other_level[k] - own_level[k]))

@@ -113,6 +113,14 @@ impl Operators {
         }
     }
 
+    /// Entries of rows that a pass reads: none on lines.
+    pub fn entries_read(&self) -> usize {
+        match &self.form {
+            Form::Rows(_) => self.geometry.columns.len(),
+            Form::Lines(_) => 0,
+        }
+    }
+
     /// Pair fluxes by entry of [`DualGeometry`].
     pub fn to_entries(&self, flux: &[f64]) -> Vec<f64> {
         match &self.form {
