@@ -113,6 +113,10 @@ impl<T: Value> ConjugateGradients<T> {
             report.final_residual = 0.0;
             return Ok(report);
         }
+        if initial_residual > target && preconditioner.improve(&self.residual, &mut x[..owned]) {
+            (_, report.final_residual) =
+                self.start(operator, &rhs[..owned], x, null_space, &communicator)?;
+        }
         let flexible = preconditioner.is_variable();
         // r·z of the iteration before, and its step length.
         let (mut rho, mut alpha) = (1.0, 0.0);

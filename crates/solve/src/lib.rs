@@ -1,4 +1,4 @@
-//! Linear algebra the fluid needs: pair matrix, conjugate gradients, algebraic multigrid, direct solver.
+//! Linear algebra the fluid needs: pair matrix, conjugate gradients, algebraic multigrid, deflation, direct solver.
 //!
 //! Fields are slices over the nodes of a rank, owned entries first. "Total" length includes the halo entries;
 //! operators bring the halo entries of what they read up to date themselves. All sums run over fixed blocks, so that
@@ -6,16 +6,20 @@
 
 mod amg;
 mod cg;
+mod deflation;
 mod direct;
 mod error;
+mod gather;
 mod helmholtz;
 mod matrix;
+mod merge;
 mod operator;
 mod value;
 mod vectors;
 
 pub use amg::{Amg, AmgSettings};
 pub use cg::{CgSettings, ConjugateGradients, NullSpace, SolveReport};
+pub use deflation::{Deflation, DeflationSettings};
 pub use direct::Direct;
 pub use error::SolveError;
 pub use helmholtz::Helmholtz;

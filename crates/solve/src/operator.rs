@@ -22,6 +22,12 @@ pub trait Preconditioner<T: Value> {
     /// Norm of the residuals that come next, over all ranks: what works in single precision divides by it.
     fn normalise(&mut self, _norm: f64) {}
 
+    /// Adds to the initial guess `x` what the preconditioner needs to start from, given its residual `r`; true when `x`
+    /// was changed. Collective.
+    fn improve(&mut self, _r: &[T], _x: &mut [T]) -> bool {
+        false
+    }
+
     /// True when the map r → z is not linear, so that conjugate gradients must use its flexible form.
     fn is_variable(&self) -> bool {
         false

@@ -6,8 +6,8 @@ mod common;
 use common::{Lattice, random};
 use fibreflow_mesh::{BoxMesh, Line, LocalMesh, Stretching, TensorGrid};
 use fibreflow_solve::{
-    Amg, AmgSettings, CgSettings, ConjugateGradients, Direct, Jacobi, NullSpace, PairMatrix,
-    Preconditioner, SolveError,
+    Amg, AmgSettings, CgSettings, ConjugateGradients, Deflation, DeflationSettings, Direct, Jacobi,
+    NullSpace, PairMatrix, Preconditioner, SolveError,
 };
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -74,7 +74,9 @@ fn an_iteration_does_not_allocate() {
         let mut amg = Amg::new(&matrix, AmgSettings::default()).expect("hierarchy");
         let mut jacobi = Jacobi::new(&matrix);
         let mut solver = ConjugateGradients::new();
-        let preconditioners: [&mut dyn Preconditioner<f64>; 2] = [&mut amg, &mut jacobi];
+        let mut deflation = Deflation::new(&matrix, DeflationSettings::default()).expect("groups");
+        let preconditioners: [&mut dyn Preconditioner<f64>; 3] =
+            [&mut amg, &mut jacobi, &mut deflation];
         for preconditioner in preconditioners {
             allocations(&matrix, preconditioner, &mut solver, 12);
             let few = allocations(&matrix, preconditioner, &mut solver, 4);

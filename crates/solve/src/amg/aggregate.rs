@@ -1,9 +1,6 @@
 //! Aggregates along strong couplings of a rank's own rows (Vaněk, Mandel & Brezina 1996).
 
-use crate::PairMatrix;
-
-/// Aggregate index of a row that the coarse level does not see.
-pub(super) const NONE: u32 = u32::MAX;
+use crate::{PairMatrix, merge::NONE};
 
 /// A row whose shift exceeds this multiple of its couplings is left to the smoother.
 const DOMINANT: f64 = 4.0;
@@ -39,7 +36,7 @@ impl<'a> Strength<'a> {
     }
 }
 
-/// Aggregate of every owned row, and the number of aggregates.
+/// Aggregate of every owned row, none for those the coarse level does not see, and the number of aggregates.
 ///
 /// A row all of whose strong neighbours are free makes an aggregate with them; what is left joins the aggregate it is
 /// bound to most, or makes one with its free neighbours. Strong neighbours on other ranks are passed over. Sequential

@@ -116,8 +116,7 @@ impl Node {
                 level.ascend(coarser.answer());
             }
             Self::Gathered(gathered) => {
-                let owned = gathered.owned;
-                let rhs = gathered.rhs[..owned].iter_mut().enumerate();
+                let rhs = gathered.gathering.own().iter_mut().enumerate();
                 rhs.for_each(|(i, rhs)| *rhs = b(i));
                 gathered.solve();
             }

@@ -15,7 +15,7 @@ mod coarsest;
 mod gathered;
 mod hierarchy;
 mod level;
-mod transfer;
+pub(crate) mod transfer;
 
 use crate::{PairMatrix, Preconditioner, SolveError, vectors::BLOCK};
 use hierarchy::Node;

@@ -1,7 +1,7 @@
 //! Smoothed prolongation and the Galerkin product, across ranks.
 
-use super::aggregate::{NONE, Strength};
-use crate::{PairMatrix, SolveError};
+use super::aggregate::Strength;
+use crate::{PairMatrix, SolveError, merge::NONE};
 use fibreflow_parallel::Halo;
 use std::collections::HashMap;
 
@@ -83,7 +83,7 @@ impl Sums {
 }
 
 /// Local indices of coarse unknowns: own ones first, then those of other ranks as they turn up.
-struct Names {
+pub(crate) struct Names {
     rank: u32,
     owned: usize,
     foreign: Vec<(u32, u32)>,
@@ -91,7 +91,22 @@ struct Names {
 }
 
 impl Names {
-    fn local(&mut self, name: [u32; 2]) -> u32 {
+    /// With `owned` unknowns of this rank.
+    pub(crate) fn new(rank: u32, owned: usize) -> Self {
+        Self {
+            rank,
+            owned,
+            foreign: Vec::new(),
+            index: HashMap::new(),
+        }
+    }
+
+    /// (rank, index there) of the unknowns of other ranks.
+    pub(crate) fn foreign(&self) -> &[(u32, u32)] {
+        &self.foreign
+    }
+
+    pub(crate) fn local(&mut self, name: [u32; 2]) -> u32 {
         if name[0] == self.rank {
             return name[1];
         }
@@ -170,12 +185,7 @@ impl Transfer {
         let halo = fine.halo();
         let (owned, total) = (halo.owned(), halo.total());
         let rank = halo.communicator().rank() as u32;
-        let mut names = Names {
-            rank,
-            owned: count,
-            foreign: Vec::new(),
-            index: HashMap::new(),
-        };
+        let mut names = Names::new(rank, count);
         let mut groups: Vec<[u32; 2]> = aggregates.iter().map(|&a| [rank, a]).collect();
         groups.resize(total, [0, NONE]);
         halo.update(&mut groups);
