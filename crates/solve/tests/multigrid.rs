@@ -89,6 +89,16 @@ fn tetrahedra_with_negative_weights_converge() {
     }
 }
 
+/// Height a hundredth: couplings of both signs a hundred times those around them.
+#[test]
+fn slivers_cost_less_than_twice_the_iterations() {
+    for dirichlet in [false, true] {
+        let clean = iterations(&Tetrahedra::new(20, 0.2, 1.0).matrix(dirichlet));
+        let count = iterations(&Tetrahedra::with_slivers(20, 0.2).matrix(dirichlet));
+        assert!(count < 2 * clean, "{clean} iterations become {count}");
+    }
+}
+
 #[test]
 fn multigrid_and_jacobi_agree() {
     let lattice = Lattice::geometric(16, 30.0);

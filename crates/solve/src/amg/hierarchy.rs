@@ -1,12 +1,13 @@
 //! Levels, one inside the other, and the V-cycle through them.
 
 use super::aggregate::{Strength, aggregate};
+use super::clusters::Clusters;
 use super::coarsest::Coarsest;
 use super::gathered::Gathered;
 use super::level::{Compact, Level, roots};
 use super::transfer::Transfer;
 use super::{AmgSettings, Census};
-use crate::{PairMatrix, SolveError};
+use crate::{PairMatrix, SolveError, merge::Merged};
 
 /// Largest matrix that is still solved directly when coarsening comes to a halt.
 const DIRECT_LIMIT: usize = 1500;
@@ -53,8 +54,16 @@ impl Node {
         if size <= settings.coarsest {
             return Ok(Self::Coarsest(Coarsest::new(matrix, singular)?));
         }
-        let strength = Strength::new(matrix, settings.strength);
-        let (aggregates, count) = aggregate(matrix, &strength);
+        // Coarse levels have no slivers.
+        let finest = census.unknowns.len() == 1;
+        let clusters = finest.then(|| Clusters::find(matrix)).flatten();
+        let merged = clusters
+            .as_ref()
+            .map(|c| Merged::new(matrix, &c.groups, c.count));
+        let merged = merged.transpose()?;
+        let seen = merged.as_ref().map_or(matrix, |m| &m.matrix);
+        let strength = Strength::new(seen, settings.strength);
+        let (aggregates, count) = aggregate(seen, &strength);
         if communicator.sum_count(count) * 5 > size * 4 {
             if ranks > 1 && size <= STALLED_LIMIT {
                 census.unknowns.pop();
@@ -66,7 +75,11 @@ impl Node {
             }
             return Err(SolveError::Coarsest { unknowns: size });
         }
-        let transfer = Transfer::new(matrix, &strength, &aggregates, count, settings.omega)?;
+        let mut transfer = Transfer::new(seen, &strength, &aggregates, count, settings.omega)?;
+        if let Some(merged) = &merged {
+            transfer.prolongation = transfer.prolongation.repeated(&merged.groups);
+            transfer.restriction = transfer.prolongation.transposed(count);
+        }
         let coarser = Self::new(&transfer.coarse, singular, settings, census)?;
         let roots = roots(matrix);
         let mut coarse_roots = coarser.roots().to_vec();
@@ -76,12 +89,13 @@ impl Node {
         let coarse_halo = transfer.coarse.halo().clone();
         let level = Level::new(
             matrix,
+            clusters.as_ref().map_or(&[], |c| &c.tied),
             &roots,
             prolongation,
             restriction,
             &coarse_roots,
             coarse_halo,
-        );
+        )?;
         Ok(Self::Coarsened {
             level: Box::new(level),
             roots: roots[..matrix.owned()].to_vec(),

@@ -3,15 +3,17 @@
 //! The matrix is scaled to D^(−½) A D^(−½) = I − W, so that its entries stay near one whatever the cells' shapes, and a
 //! row needs no diagonal. The smoother is Gauss–Seidel inside fixed blocks of rows, Jacobi between them: forwards
 //! before the coarse correction, backwards after it, which keeps the cycle symmetric. Started from zero, the forward
-//! sweep reads the lower couplings only, and the residual it leaves is the sum of the others: together one pass.
+//! sweep reads the lower couplings only, and the residual it leaves is the sum of the others: together one pass. Rows of a
+//! patch are visited together, at the place of the first, and leave no residual to each other.
 
+use super::patches::{Step, steps};
 use super::transfer::Rows;
-use crate::PairMatrix;
+use crate::{PairMatrix, SolveError};
 use fibreflow_parallel::Halo;
 use rayon::prelude::*;
 
 /// Rows of a Gauss–Seidel block; a constant of the program, never of the machine.
-const SWEEP: usize = 1 << 14;
+pub(super) const SWEEP: usize = 1 << 14;
 
 /// A coupling.
 #[derive(Clone, Copy, Debug)]
@@ -73,6 +75,8 @@ pub(super) struct Level {
     /// Length owned + 1; the last holds the end.
     spans: Vec<Span>,
     entries: Vec<Entry>,
+    /// One a Gauss–Seidel block.
+    steps: Vec<Vec<Step>>,
     /// Scaled P on owned rows, and Pᵀ on owned rows of the next level.
     prolongation: Compact,
     pub(super) restriction: Compact,
@@ -114,19 +118,27 @@ fn block_of(i: usize, owned: usize) -> std::ops::Range<usize> {
 }
 
 impl Level {
-    /// `roots`: D^½ of local rows here and on the next level.
+    /// `roots`: D^½ of local rows here and on the next level. `tied`: rows that are smoothed together where they lie in
+    /// the same block.
+    ///
+    /// # Errors
+    /// [`SolveError::Coarsest`] when tied rows are not positive definite.
     pub(super) fn new(
         matrix: &PairMatrix,
+        tied: &[Vec<u32>],
         roots: &[f64],
         prolongation: &Rows,
         restriction: &Rows,
         coarse_roots: &[f64],
         coarse_halo: Halo,
-    ) -> Self {
+    ) -> Result<Self, SolveError> {
         let (owned, total) = (matrix.owned(), matrix.halo().total());
         let inverse: Vec<f64> = roots.iter().map(|&r| reciprocal(r)).collect();
         let coarse: Vec<f64> = coarse_roots.iter().map(|&r| reciprocal(r)).collect();
+        let (steps, places) = steps(matrix, &inverse, tied)?;
+        let place = |j: usize| places.get(&(j as u32)).map_or(j, |&p| p as usize);
         let mut level = Self {
+            steps,
             halo: matrix.halo().clone(),
             spans: Vec::with_capacity(owned + 1),
             entries: Vec::with_capacity(matrix.entries_stored()),
@@ -144,9 +156,9 @@ impl Level {
             let start = level.entries.len() as u32;
             let mut ends = [start; 3];
             let parts: [&dyn Fn(usize) -> bool; 3] = [
-                &|j| block.contains(&j) && j < i,
+                &|j| block.contains(&j) && place(j) < place(i),
                 &|j| !block.contains(&j),
-                &|j| block.contains(&j) && j > i,
+                &|j| block.contains(&j) && place(j) > place(i),
             ];
             for (part, end) in parts.iter().zip(&mut ends) {
                 let row = matrix.row(i).filter(|&(j, _)| part(j));
@@ -168,7 +180,7 @@ impl Level {
             middle: end,
             upper: end,
         });
-        level
+        Ok(level)
     }
 
     /// Smooths from zero; the residual stays for the restriction. `b(i)` gives the right-hand side. Collective.
@@ -177,15 +189,22 @@ impl Level {
         let x = &mut self.x[..self.rhs.len()];
         x.par_chunks_mut(SWEEP)
             .zip(self.rhs.par_chunks_mut(SWEEP))
+            .zip(&self.steps)
             .enumerate()
-            .for_each(|(block, (x, rhs))| {
+            .for_each(|(block, ((x, rhs), steps))| {
                 let first = block * SWEEP;
                 let spans = &spans[first..];
-                for k in 0..x.len() {
+                let row = |k: usize, x: &[f32], rhs: &mut [f32]| {
                     let span = spans[k];
                     let lower = &entries[span.start as usize..span.middle as usize];
                     rhs[k] = b(first + k);
-                    x[k] = rhs[k] + sum(lower, x, first);
+                    rhs[k] + sum(lower, x, first)
+                };
+                for step in steps {
+                    match step {
+                        Step::Rows(rows) => rows.clone().for_each(|k| x[k] = row(k, x, rhs)),
+                        Step::Patch(patch) => patch.solve(x, |k, x| row(k, x, rhs)),
+                    }
                 }
             });
         self.halo.update(&mut self.x);
@@ -227,15 +246,22 @@ impl Level {
         let (spans, entries, x, rhs) = (&self.spans, &self.entries, &self.x, &self.rhs);
         self.next[..owned]
             .par_chunks_mut(SWEEP)
+            .zip(&self.steps)
             .enumerate()
-            .for_each(|(block, next)| {
+            .for_each(|(block, (next, steps))| {
                 let first = block * SWEEP;
                 let (spans, rhs) = (&spans[first..], &rhs[first..]);
-                for k in (0..next.len()).rev() {
+                let row = |k: usize, next: &[f32]| {
                     let span = spans[k];
                     let old = &entries[span.start as usize..span.upper as usize];
                     let new = &entries[span.upper as usize..spans[k + 1].start as usize];
-                    next[k] = rhs[k] + sum(old, x, 0) + sum(new, next, first);
+                    rhs[k] + sum(old, x, 0) + sum(new, next, first)
+                };
+                for step in steps.iter().rev() {
+                    match step {
+                        Step::Rows(rows) => rows.clone().rev().for_each(|k| next[k] = row(k, next)),
+                        Step::Patch(patch) => patch.solve(next, row),
+                    }
                 }
             });
         std::mem::swap(&mut self.x, &mut self.next);

@@ -11,10 +11,12 @@
 //! whole by every rank: there aggregates know no ranks, and the work is cheaper than the messages.
 
 mod aggregate;
+mod clusters;
 mod coarsest;
 mod gathered;
 mod hierarchy;
 mod level;
+mod patches;
 pub(crate) mod transfer;
 
 use crate::{PairMatrix, Preconditioner, SolveError, vectors::BLOCK};

@@ -37,8 +37,18 @@ impl Rows {
         self.offsets.push(self.entries.len() as u32);
     }
 
+    /// Row `rows[i]` of these for every i.
+    pub(super) fn repeated(&self, rows: &[u32]) -> Self {
+        let mut repeated = Self::with_capacity(rows.len(), self.entries.len());
+        for &row in rows {
+            repeated.entries.extend_from_slice(self.row(row as usize));
+            repeated.close();
+        }
+        repeated
+    }
+
     /// Rows of the first `columns` columns.
-    fn transposed(&self, columns: usize) -> Self {
+    pub(super) fn transposed(&self, columns: usize) -> Self {
         let mut offsets = vec![0u32; columns + 1];
         let kept = |c: u32| (c as usize) < columns;
         for &(c, _) in self.entries.iter().filter(|e| kept(e.0)) {

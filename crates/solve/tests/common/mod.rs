@@ -135,25 +135,56 @@ impl Tetrahedra {
             [x[0], squash * x[1], x[2]]
         };
         let points: Vec<[f64; 3]> = (0..lattice.len()).map(point).collect();
-        let strides = [1, n + 1, (n + 1) * (n + 1)];
-        let mut edges = Vec::new();
-        for cell in (0..lattice.len()).filter(|&i| lattice.indices(i).iter().all(|&a| a < n)) {
-            for [a, b, c] in [
-                [0, 1, 2],
-                [0, 2, 1],
-                [1, 0, 2],
-                [1, 2, 0],
-                [2, 0, 1],
-                [2, 1, 0],
-            ] {
-                let first = cell + strides[a];
-                let second = first + strides[b];
-                stiffness(
-                    [cell, first, second, second + strides[c]],
-                    &points,
-                    &mut edges,
-                );
+        Self::from_points(&lattice, points, boundary)
+    }
+
+    /// A tetrahedron at every 27th node flattened to a hundredth of its height, where no other turns over.
+    pub fn with_slivers(n: usize, jitter: f64) -> Self {
+        let Self {
+            mut points,
+            boundary,
+            ..
+        } = Self::new(n, jitter, 1.0);
+        let lattice = Lattice::uniform(n);
+        let tetrahedra = tetrahedra(&lattice);
+        let mut around = vec![Vec::new(); points.len()];
+        for (t, nodes) in tetrahedra.iter().enumerate() {
+            nodes.iter().for_each(|&i| around[i].push(t));
+        }
+        let mut stays = boundary.clone();
+        for node in (13..points.len()).step_by(27) {
+            let near = around[node].iter().flat_map(|&t| tetrahedra[t]);
+            if near.clone().any(|i| stays[i]) {
+                continue;
             }
+            let flat = tetrahedra[around[node][node % around[node].len()]];
+            let [a, b, c] = *flat.iter().filter(|&&i| i != node).collect::<Vec<_>>() else {
+                unreachable!("four nodes")
+            };
+            let normal = cross(minus(points[*b], points[*a]), minus(points[*c], points[*a]));
+            let before = points[node];
+            let height = dot(normal, minus(before, points[*a])) / dot(normal, normal);
+            points[node] = std::array::from_fn(|k| before[k] - 0.99 * height * normal[k]);
+            let volume = |&t: &usize| {
+                let [a, b, c, d] = tetrahedra[t].map(|i| points[i]);
+                dot(cross(minus(b, a), minus(c, a)), minus(d, a))
+            };
+            if around[node]
+                .iter()
+                .any(|t| volume(t) * orientation(*t) <= 0.0)
+            {
+                points[node] = before;
+            } else {
+                stays[node] = true;
+            }
+        }
+        Self::from_points(&lattice, points, boundary)
+    }
+
+    fn from_points(lattice: &Lattice, points: Vec<[f64; 3]>, boundary: Vec<bool>) -> Self {
+        let mut edges = Vec::new();
+        for nodes in tetrahedra(lattice) {
+            stiffness(nodes, &points, &mut edges);
         }
         edges.sort_by_key(|&(i, j, _)| (i, j));
         let mut rows: Vec<Vec<(u32, f64)>> = vec![Vec::new(); points.len()];
@@ -183,18 +214,55 @@ impl Tetrahedra {
     }
 }
 
+const PATHS: [[usize; 3]; 6] = [
+    [0, 1, 2],
+    [0, 2, 1],
+    [1, 0, 2],
+    [1, 2, 0],
+    [2, 0, 1],
+    [2, 1, 0],
+];
+
+/// Six a cell around its diagonal, in the order of `PATHS`.
+fn tetrahedra(lattice: &Lattice) -> Vec<[usize; 4]> {
+    let n = lattice.counts()[0] - 1;
+    let strides = [1, n + 1, (n + 1) * (n + 1)];
+    let cells = (0..lattice.len()).filter(|&i| lattice.indices(i).iter().all(|&a| a < n));
+    cells
+        .flat_map(|cell| {
+            PATHS.map(|[a, b, c]| {
+                let first = cell + strides[a];
+                let second = first + strides[b];
+                [cell, first, second, second + strides[c]]
+            })
+        })
+        .collect()
+}
+
+/// Sign of the volume of a tetrahedron: that of its path as a permutation.
+fn orientation(tetrahedron: usize) -> f64 {
+    [1.0, -1.0, -1.0, 1.0, 1.0, -1.0][tetrahedron % 6]
+}
+
+fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|k| a[k] - b[k])
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    (0..3).map(|k| a[k] * b[k]).sum()
+}
+
 /// −∫∇N_i·∇N_j over one tetrahedron, both directions of every edge.
 fn stiffness(nodes: [usize; 4], points: &[[f64; 3]], edges: &mut Vec<(usize, usize, f64)>) {
     let x = nodes.map(|i| points[i]);
-    let minus = |a: [f64; 3], b: [f64; 3]| -> [f64; 3] { std::array::from_fn(|k| a[k] - b[k]) };
-    let cross = |a: [f64; 3], b: [f64; 3]| {
-        [
-            a[1] * b[2] - a[2] * b[1],
-            a[2] * b[0] - a[0] * b[2],
-            a[0] * b[1] - a[1] * b[0],
-        ]
-    };
-    let dot = |a: [f64; 3], b: [f64; 3]| (0..3).map(|k| a[k] * b[k]).sum::<f64>();
     // ∇N_i = face normal / (6 V), all with the same sign.
     let normal = |i: usize| {
         let [a, b, c] = match i {
