@@ -195,6 +195,16 @@ fn keys_that_do_not_go_with_the_inertia() {
 }
 
 #[test]
+fn a_force_that_no_node_feels() {
+    let force = "fluid.forces=[{ position = [0.5, 3.0, 0.5], force = [1, 0, 0], width = 0.1 }]";
+    let wanted = [
+        "`fluid.forces[0].position = [0.5, 3.0, 0.5]`",
+        "no node feels it",
+    ];
+    refused(&bench(CASE), &["--set", force], &wanted);
+}
+
+#[test]
 fn a_step_that_explicit_diffusion_cannot_bear() {
     let viscous = [
         "--set",

@@ -41,16 +41,16 @@ fn a_slow_suspension_creeps_on_any_ranks_and_after_a_restart() {
         ("steady", "inertia none (steady Stokes flow): as set"),
     ] {
         let bench = creeping(inertia);
-        let text = run(&bench, 1, "one", &["--steps", "6"]).expect("one rank needs no mpirun");
+        let text = run(&bench, 1, "one", &["--steps", "2"]).expect("one rank needs no mpirun");
         assert!(text.contains(shown), "{text}");
         let one = State::of(&bench.path("one"), NODES);
-        run(&bench, 1, "parts", &["--steps", "4"]);
-        run(&bench, 1, "parts", &["--steps", "6", "--resume"]);
+        run(&bench, 1, "parts", &["--steps", "1"]);
+        run(&bench, 1, "parts", &["--steps", "2", "--resume"]);
         let parts = State::of(&bench.path("parts"), NODES);
         assert_eq!(one.bits_that_differ(&parts), Vec::<String>::new());
         for ranks in [2, 3] {
             let name = format!("ranks-{ranks}");
-            let Some(_) = run(&bench, ranks, &name, &["--steps", "6"]) else {
+            let Some(_) = run(&bench, ranks, &name, &["--steps", "2"]) else {
                 return;
             };
             let [velocity, fibres] = one.difference(&State::of(&bench.path(&name), NODES));

@@ -1,6 +1,6 @@
 //! The fluid: material, initial field, boundaries, forcing, solver.
 
-use super::{Boundary, Factor};
+use super::{Boundary, Factor, PointForce};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -36,6 +36,9 @@ pub struct Fluid {
     /// What drives the flow. Default: nothing.
     #[serde(default)]
     pub forcing: Forcing,
+    /// Constant forces on the fluid around points.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub forces: Vec<PointForce>,
     /// Condition on every patch of the mesh.
     #[serde(default)]
     pub boundaries: BTreeMap<String, Boundary>,

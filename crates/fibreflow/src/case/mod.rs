@@ -12,6 +12,7 @@ mod document;
 mod error;
 mod fibres;
 mod fluid;
+mod force;
 mod loads;
 mod mesh;
 mod run;
@@ -28,6 +29,7 @@ pub use fibres::{
 pub use fluid::{
     ChannelProfile, Diffusion, Fluid, Forcing, Inertia, Initial, Poisson, Preconditioner,
 };
+pub use force::PointForce;
 pub use loads::{Coefficients, Loads};
 pub use mesh::{Ambient, BoxElement, Domain, MeshSource, Stretching};
 pub use run::{Exact, Output, Schedule, Time};

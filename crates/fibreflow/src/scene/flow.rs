@@ -1,6 +1,7 @@
 //! The flow around the fibres: solved for on a mesh, or prescribed.
 
 use super::boundary::Boundaries;
+use super::forces::body_force;
 use super::inertia::{InertiaChoice, bounds};
 use super::initial::velocity_field;
 use super::mesh::SceneMesh;
@@ -32,6 +33,8 @@ pub struct Solved {
     pub two_way: bool,
     /// Which inertia it has, and why.
     pub inertia: InertiaChoice,
+    /// Body force that the case gives \[N/m³\], by owned node; empty without.
+    forces: Vec<[f64; 4]>,
 }
 
 impl Flow {
@@ -112,6 +115,7 @@ impl Flow {
             Self::Solved(solved) if solved.two_way => {
                 let force = solved.fluid.body_force_mut();
                 force.fill([0.0; 4]);
+                force[..solved.forces.len()].copy_from_slice(&solved.forces);
                 Ok(Some(solved.coupling.spread(reaction, force)?))
             }
             _ => Ok(None),
@@ -213,12 +217,15 @@ fn solved(
         Fluid::new(mesh.local.clone(), mesh.geometry.clone(), settings).map_err(as_input)?;
     solver.set_velocity(initial).map_err(as_input)?;
     check_step(case, document, &solver)?;
+    let forces = body_force(&fluid.forces, document, mesh)?;
+    solver.body_force_mut()[..forces.len()].copy_from_slice(&forces);
     let given = given_velocity(mesh, &solver.settings().boundary);
     Ok(Solved {
         coupling: Coupling::new(mesh.local.clone(), mesh.geometry.clone(), given)?,
         two_way: case.coupling.mode == CouplingMode::TwoWay,
         fluid: solver,
         inertia,
+        forces,
     })
 }
 

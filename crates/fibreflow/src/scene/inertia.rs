@@ -135,6 +135,9 @@ fn largest_speed(
     if let Some(k) = case.fibres.iter().position(|g| drives(case, fluid, g)) {
         return Err(format!("`fibres[{k}]` drives the flow"));
     }
+    if !fluid.forces.is_empty() {
+        return Err("`fluid.forces` drives the flow".to_owned());
+    }
     let mut largest = speed_at_start(&fluid.initial)?;
     largest = largest.max(speed_of_forcing(fluid, extent)?);
     let mut pressures = Vec::new();

@@ -6,6 +6,7 @@ mod exact;
 mod expression;
 mod fibres;
 mod flow;
+mod forces;
 mod inertia;
 mod initial;
 mod mesh;
