@@ -3,19 +3,37 @@
 use fibreflow_tests::program::Bench;
 use fibreflow_tests::state::State;
 
-const NODES: usize = 8 * 11 * 6;
+/// Fourth order reaches three nodes far.
+#[test]
+fn fourth_order_with_either_number_of_pressure_solves_does_not_depend_on_the_ranks() {
+    for solves in [1, 3] {
+        compare(
+            &[
+                "--steps=12",
+                "--set=mesh.cells=[12, 12, 10]",
+                "--set=fluid.order=4",
+                &format!("--set=fluid.poisson.solves_per_step={solves}"),
+            ],
+            12 * 13 * 10,
+        );
+    }
+}
 
 #[test]
 fn fibres_in_contact_in_a_channel_do_not_depend_on_the_ranks() {
+    compare(&["--steps=40"], 8 * 11 * 6);
+}
+
+fn compare(arguments: &[&str], nodes: usize) {
     let bench = Bench::new(
         env!("CARGO_BIN_EXE_program"),
         include_str!("../src/channel.toml"),
     );
     let run = |ranks: usize| {
         let name = format!("ranks-{ranks}");
-        let ended = bench.run(ranks, &name, &["--steps", "40"])?;
+        let ended = bench.run(ranks, &name, arguments)?;
         assert!(ended.status.success(), "{}", ended.text);
-        Some(State::of(&bench.path(&name), NODES))
+        Some(State::of(&bench.path(&name), nodes))
     };
     let one = run(1).expect("one rank needs no mpirun");
     for ranks in [2, 3, 4] {

@@ -116,6 +116,32 @@ fn one_run_is_three_runs() {
 }
 
 #[test]
+fn a_run_of_fourth_order_is_two_runs() {
+    let bench = bench();
+    let common = [
+        "--set=fluid.order=4",
+        "--set=mesh.cells=[12, 12, 10]",
+        "--set=fluid.poisson.solves_per_step=3",
+    ];
+    let run = |ranks: usize, out: &str, more: &[&str]| {
+        let arguments: Vec<&str> = common.iter().chain(more).copied().collect();
+        let ended = bench.run(ranks, out, &arguments)?;
+        assert!(ended.status.success(), "{}", ended.text);
+        Some(State::of(&bench.path(out), 12 * 13 * 10))
+    };
+    for ranks in [1, 2] {
+        let name = |what: &str| format!("{what}-{ranks}");
+        let Some(_) = run(ranks, &name("parts"), &["--steps=6"]) else {
+            return;
+        };
+        let parts = run(ranks, &name("parts"), &["--steps=10", "--resume"]).expect("was there");
+        let straight = run(ranks, &name("straight"), &["--steps=10"]).expect("was there");
+        let different = straight.bits_that_differ(&parts);
+        assert!(different.is_empty(), "on {ranks} ranks: {different:?}");
+    }
+}
+
+#[test]
 fn resumed_on_other_ranks() {
     let bench = bench();
     let Some(()) = killed(&bench, 2, "killed") else {

@@ -99,13 +99,7 @@ impl Fluid {
                 )?),
             },
             momentum: Momentum::new(&mesh, &geometry, &boundary)?,
-            poisson: Pressure::new(
-                &mesh,
-                &geometry,
-                &operators,
-                &boundary,
-                settings.preconditioner,
-            )?,
+            poisson: Pressure::new(&mesh, &geometry, &operators, &boundary, &settings)?,
             mismatch: Mismatch::new(given, entries, mesh.owned(), total),
             velocity: vec![[0.0; 4]; total],
             pressure: vec![0.0; total],
@@ -191,6 +185,9 @@ impl Fluid {
     pub fn advance(&mut self, dt: f64) -> Result<StepReport, FluidError> {
         if self.creeping.is_some() {
             return self.creep(dt);
+        }
+        if self.poisson.choice.solves > 1 {
+            return self.advance_projecting(dt);
         }
         let prediction = self.predict(dt)?;
         let solve = self.project(dt)?;

@@ -19,6 +19,7 @@ mod project;
 mod rows;
 mod settings;
 mod state;
+mod sub_steps;
 
 pub use boundary::{BoundaryCondition, Signal, TimeTable, VelocityProfile};
 pub use creeping::CreepingStep;
@@ -29,5 +30,7 @@ pub use loads::PatchLoad;
 pub use measure::KernelCost;
 pub use poisson::{PressureChoice, PressureReason, Projection};
 pub use predict::Prediction;
-pub use settings::{Diffusion, FluidSettings, Forcing, Inertia, Kernels, PressurePreconditioner};
+pub use settings::{
+    Diffusion, FluidSettings, Forcing, Inertia, Kernels, PressurePreconditioner, Projections,
+};
 pub use state::FluidState;

@@ -54,7 +54,8 @@ impl Mismatch {
 }
 
 impl Fluid {
-    /// From the pressure as it is, for a step of `dt` \[s\]. Collective.
+    /// From the pressure as it is, for a step of `dt` \[s\], and the same in its sub-steps: a steady flow is steady in
+    /// each of them. Collective.
     pub(crate) fn find_mismatch(&mut self, dt: f64) {
         let Mismatch { flux, sums, q } = &mut self.mismatch;
         if flux.is_empty() {

@@ -4,7 +4,7 @@ use crate::boundary::Boundary;
 use crate::operators::Operators;
 use crate::polynomial::Polynomial;
 use crate::rows;
-use crate::{FluidError, PressurePreconditioner};
+use crate::{FluidError, FluidSettings, PressurePreconditioner, Projections};
 use fibreflow_mesh::{DualGeometry, LocalMesh};
 use fibreflow_solve::{
     Amg, AmgSettings, CgSettings, ConjugateGradients, Direct, Jacobi, NullSpace, PairMatrix,
@@ -13,9 +13,9 @@ use fibreflow_solve::{
 
 /// Operations of a direct solve, by node, above which `Auto` takes multigrid.
 ///
-/// Products with eigenvectors run at 8 operations a nanosecond and core or faster, CG–AMG with a warm start takes 0.8 µs a
-/// node or more on tensor-product meshes (two-core machine with AVX2, see docs/numerics.md).
-const DEAREST_DIRECT: f64 = 6000.0;
+/// Products with eigenvectors were measured at 35 operations a nanosecond (AVX2, one thread), CG–AMG at 0.8 µs a node or
+/// more on tensor-product meshes: this is half of it, as setting up takes n³ operations a direction as well.
+const DEAREST_DIRECT: f64 = 15000.0;
 
 /// What the pressure equation needs besides the flow.
 pub(crate) struct Pressure {
@@ -28,7 +28,7 @@ pub(crate) struct Pressure {
     pub psi: Vec<f64>,
     /// Owned: minus the divergence of F* \[m³/s\].
     pub rhs: Vec<f64>,
-    /// Owned: ψ/Δt² of the last step and of the one before, for the initial guess; zero with direct solves.
+    /// Owned: ψ/Δt² of the last projection and of the one before, for the initial guess; zero with direct solves.
     pub rates: [Vec<f64>; 2],
 }
 
@@ -56,8 +56,9 @@ impl Pressure {
         geometry: &DualGeometry,
         operators: &Operators,
         boundary: &Boundary,
-        preconditioner: PressurePreconditioner,
+        settings: &FluidSettings,
     ) -> Result<Self, FluidError> {
+        let preconditioner = settings.preconditioner;
         let failed = |source| FluidError::Solve {
             equation: "pressure",
             source,
@@ -94,6 +95,11 @@ impl Pressure {
             solver,
             choice: PressureChoice {
                 preconditioner: used,
+                solves: match settings.projections {
+                    Projections::Auto if directions.is_some() => 3,
+                    Projections::EverySubStep => 3,
+                    Projections::Auto | Projections::Once => 1,
+                },
                 directions,
                 reason,
             },
@@ -115,24 +121,25 @@ impl Pressure {
         self.rates.iter_mut().for_each(|rate| rate.fill(0.0));
     }
 
-    /// ψ from the last two: Δt² (2 r^n − r^(n−1)), r = ψ/Δt². Direct solves need no guess.
-    pub fn guess(&mut self, dt: f64) {
+    /// ψ from the last two: s (2 r^n − r^(n−1)), r = ψ/s with `scale` s = Δt² \[s²\], or what replaces it in a sub-step.
+    /// Direct solves need no guess.
+    pub fn guess(&mut self, scale: f64) {
         if self.is_direct() {
             return;
         }
-        let (square, [new, old]) = (dt * dt, &self.rates);
+        let [new, old] = &self.rates;
         rows::each(&mut self.psi[..new.len()], |i, psi| {
-            *psi = square * (2.0 * new[i] - old[i]);
+            *psi = scale * (2.0 * new[i] - old[i]);
         });
     }
 
-    pub fn remember(&mut self, dt: f64) {
+    pub fn remember(&mut self, scale: f64) {
         if self.is_direct() {
             return;
         }
         let [new, old] = &mut self.rates;
         std::mem::swap(new, old);
-        let (inverse, psi) = (1.0 / (dt * dt), &self.psi);
+        let (inverse, psi) = (scale.recip(), &self.psi);
         rows::each(new, |i, rate| *rate = inverse * psi[i]);
     }
 
@@ -223,6 +230,8 @@ pub struct PressureChoice {
     pub preconditioner: PressurePreconditioner,
     /// How each direction is solved, where the solver is direct.
     pub directions: Option<String>,
+    /// Solves a step.
+    pub solves: usize,
     /// What decided it.
     pub reason: PressureReason,
 }
@@ -281,6 +290,11 @@ impl std::fmt::Display for PressureChoice {
             }
             _ => f.write_str("pressure by conjugate gradients with multigrid")?,
         }
-        write!(f, ": {}", self.reason)
+        let often = if self.solves > 1 {
+            "after every sub-step"
+        } else {
+            "once a step"
+        };
+        write!(f, ", {often}: {}", self.reason)
     }
 }

@@ -115,7 +115,7 @@ impl Fluid {
             *iterations = self.sub_step(k, dt, &diffusion, &settings)?;
         }
         self.hold_bulk_velocity(dt);
-        self.end_boundary(dt)?;
+        self.end_boundary(self.time + 0.5 * dt)?;
         Ok(Prediction {
             diffusion,
             iterations,
@@ -157,7 +157,7 @@ impl Fluid {
     }
 
     /// Velocity at the end of sub-step `k`; iterations of the viscous solve.
-    fn sub_step(
+    pub(crate) fn sub_step(
         &mut self,
         k: usize,
         dt: f64,
@@ -184,13 +184,13 @@ impl Fluid {
         }
     }
 
-    /// Given fluxes at the end of the step, outlet pressures in its middle.
-    fn end_boundary(&mut self, dt: f64) -> Result<(), FluidError> {
+    /// Given fluxes at the end of what was predicted; outlet pressures in its `middle` \[s\].
+    pub(crate) fn end_boundary(&mut self, middle: f64) -> Result<(), FluidError> {
         if self.boundary.moves {
             self.boundary.balance()?;
         }
         if self.boundary.pulses {
-            self.boundary.pulse_to(self.time + 0.5 * dt);
+            self.boundary.pulse_to(middle);
         }
         Ok(())
     }

@@ -26,29 +26,53 @@ impl Fluid {
     /// # Errors
     /// A pressure solve that fails.
     pub fn project(&mut self, dt: f64) -> Result<Projection, FluidError> {
+        let report = self.make_solenoidal(dt, dt, dt)?;
+        if dt > 0.0 {
+            self.finish_step(dt, dt);
+        } else {
+            self.impose_boundary();
+            self.mesh.halo.update(&mut self.velocity);
+        }
+        Ok(report)
+    }
+
+    /// Fluxes of the predicted velocity made solenoidal, velocity and pressure corrected; the velocity is valid on owned
+    /// nodes. The pressure acts over `span` \[s\] of a step of `dt` and belongs to a time `lead` later than the one before.
+    pub(crate) fn make_solenoidal(
+        &mut self,
+        span: f64,
+        lead: f64,
+        dt: f64,
+    ) -> Result<Projection, FluidError> {
         self.find_mismatch(dt);
         let settings = self.predicted_divergence();
-        self.poisson.guess(dt);
-        let pulses = self.boundary.pulses && dt > 0.0;
+        self.poisson.guess(span * lead);
+        let pulses = self.boundary.pulses && span > 0.0;
         if pulses {
-            self.lift_outlets(dt);
+            self.lift_outlets(span);
+            self.poisson.guess(span * lead);
+            self.zero_outlets();
         }
         let solve = self.poisson.solve(&settings);
         let report = solve.map_err(|source| self.solve_failed("pressure", source))?;
         if pulses {
-            self.put_outlets(dt);
+            self.put_outlets(span);
         }
-        self.correct(dt);
-        if dt > 0.0 {
-            self.poisson.remember(dt);
-            (0..self.settings.cleaning_cycles).for_each(|_| self.clean(dt));
-            self.time += dt;
-            self.last_dt = dt;
-            self.steps += 1;
+        self.correct(span);
+        if span > 0.0 {
+            self.poisson.remember(span * lead);
         }
+        Ok(report)
+    }
+
+    /// Cleans the velocity of a step of `dt` \[s\] whose last pressure acted over `span`, and lets time pass.
+    pub(crate) fn finish_step(&mut self, dt: f64, span: f64) {
+        (0..self.settings.cleaning_cycles).for_each(|_| self.clean(span));
+        self.time += dt;
+        self.last_dt = dt;
+        self.steps += 1;
         self.impose_boundary();
         self.mesh.halo.update(&mut self.velocity);
-        Ok(report)
     }
 
     /// −(Σ F* + F_b) into the right-hand side; the tolerance that goes with it.
@@ -74,7 +98,9 @@ impl Fluid {
             matrix, psi, rhs, ..
         } = &mut self.poisson;
         matrix.lift(psi, rhs);
-        self.poisson.guess(dt);
+    }
+
+    fn zero_outlets(&mut self) {
         let Pressure { psi, rhs, .. } = &mut self.poisson;
         for &(i, _) in &self.boundary.outlets {
             (psi[i as usize], rhs[i as usize]) = (0.0, 0.0);

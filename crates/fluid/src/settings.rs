@@ -22,6 +22,8 @@ pub struct FluidSettings {
     pub pressure: CgSettings,
     /// Preconditioner of the pressure solve.
     pub preconditioner: PressurePreconditioner,
+    /// How often a step projects.
+    pub projections: Projections,
     /// Short-wave corrections a step that clean the nodal velocity of the divergence which the approximate projection
     /// leaves there.
     pub cleaning_cycles: usize,
@@ -56,6 +58,18 @@ pub enum Kernels {
     Auto,
     /// From compressed rows.
     Rows,
+}
+
+/// How often a step makes the velocity solenoidal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Projections {
+    /// After every sub-step where the pressure is solved directly, else once: a direct solve is a small part of a step.
+    #[default]
+    Auto,
+    /// Once, at its end; the convecting flux is extrapolated from the last two steps.
+    Once,
+    /// After each of the three sub-steps of the Runge–Kutta scheme.
+    EverySubStep,
 }
 
 /// Which inertia a flow has.
@@ -101,6 +115,7 @@ impl FluidSettings {
             momentum: solver,
             pressure: solver,
             preconditioner: PressurePreconditioner::default(),
+            projections: Projections::default(),
             cleaning_cycles: 2,
             diffusion: Diffusion::default(),
             kernels: Kernels::default(),

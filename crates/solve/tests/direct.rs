@@ -487,6 +487,33 @@ fn lines_with_wide_pairs_are_solved() {
                 "{counts:?} {periodic:?} {ends:?} {shift}: {rest:e}"
             );
         }
+        // One direction alone, and three right-hand sides at a time.
+        for axis in 0..3 {
+            let mut direct = Direct::along(axis, &halo, &grid, &lines, ends, 0.7).expect("lines");
+            let mut alone = lines.clone();
+            for line in (0..3).filter(|&d| d != axis) {
+                alone[line].pairs.iter_mut().for_each(|p| p.stiffness = 0.0);
+            }
+            let parts: [Vec<f64>; 3] = std::array::from_fn(|c| random(n, 20 + c as u64));
+            let rhs: Vec<[f64; 4]> = (0..n)
+                .map(|i| [parts[0][i], parts[1][i], parts[2][i], 0.0])
+                .collect();
+            let mut x = vec![[0.0; 4]; n];
+            for coefficient in [0.3, 1.0] {
+                direct.set(0.7 * coefficient, coefficient);
+                direct.solve_vectors(&rhs, &mut x);
+                for (c, part) in parts.iter().enumerate() {
+                    let x: Vec<f64> = x.iter().map(|x| x[c]).collect();
+                    let y = apply(&alone, ends, 0.7, &x);
+                    let free = part.iter().zip(&y).zip(&x);
+                    let rest: Vec<f64> = free
+                        .map(|((b, y), x)| b - y * if x == y { 1.0 } else { coefficient })
+                        .collect();
+                    let rest = norm(&rest) / norm(part);
+                    assert!(rest < 1e-12, "{counts:?} {ends:?} axis {axis}: {rest:e}");
+                }
+            }
+        }
     }
 }
 

@@ -187,6 +187,10 @@ pub struct Poisson {
     /// Iterations after which the run is given up.
     #[schemars(range(min = 1))]
     pub max_iterations: usize,
+    /// Pressure solves a step: 1, at its end, or 3, after every sub-step of the Runge–Kutta scheme. Default: 3 where the
+    /// solver is direct, else 1.
+    #[schemars(extend("enum" = [1, 3]))]
+    pub solves_per_step: Option<u8>,
 }
 
 impl Default for Poisson {
@@ -195,6 +199,7 @@ impl Default for Poisson {
             tolerance: 1e-8,
             preconditioner: Preconditioner::default(),
             max_iterations: 2000,
+            solves_per_step: None,
         }
     }
 }

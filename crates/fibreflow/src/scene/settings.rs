@@ -2,7 +2,9 @@
 
 use super::boundary::Boundaries;
 use crate::case::{self, CaseError};
-use fibreflow_fluid::{Diffusion, FluidSettings, Forcing, Inertia, PressurePreconditioner};
+use fibreflow_fluid::{
+    Diffusion, FluidSettings, Forcing, Inertia, PressurePreconditioner, Projections,
+};
 use fibreflow_solve::CgSettings;
 
 /// What the solver is made with.
@@ -43,6 +45,11 @@ pub fn settings(
         max_iterations: fluid.poisson.max_iterations,
     };
     settings.momentum = settings.pressure;
+    settings.projections = match fluid.poisson.solves_per_step {
+        Some(3) => Projections::EverySubStep,
+        Some(_) => Projections::Once,
+        None => Projections::Auto,
+    };
     settings.preconditioner = match fluid.poisson.preconditioner {
         case::Preconditioner::Auto => PressurePreconditioner::Auto,
         case::Preconditioner::Direct => PressurePreconditioner::Direct,

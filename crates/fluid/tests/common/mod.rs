@@ -120,11 +120,25 @@ pub fn ring(element: BoxElement, [inner, outer]: [f64; 2], height: f64, cells: [
 /// Fluid on any mesh of one rank.
 pub fn fluid_in(
     mesh: Mesh,
+    settings: FluidSettings,
+    condition: impl Fn(&str) -> BoundaryCondition,
+) -> Fluid {
+    fluid_of(2, mesh, settings, condition)
+}
+
+/// Fluid of second or fourth order on any mesh of one rank.
+pub fn fluid_of(
+    order: u8,
+    mesh: Mesh,
     mut settings: FluidSettings,
     condition: impl Fn(&str) -> BoundaryCondition,
 ) -> Fluid {
     let local = Arc::new(LocalMesh::single(mesh));
-    let dual = Arc::new(geometry::dual(&local).expect("dual geometry"));
+    let dual = match order {
+        4 => geometry::fourth(&local),
+        _ => geometry::dual(&local),
+    };
+    let dual = Arc::new(dual.expect("dual geometry"));
     settings.boundary = local.patches.iter().map(|p| condition(p)).collect();
     Fluid::new(local, dual, settings).expect("fluid")
 }

@@ -34,6 +34,8 @@ pub(super) struct Banded {
     ends: [f64; 2],
     /// Of every block and node: 1/D, then l_1 … l_P, then w of the border rows; only 1/D of a tridiagonal matrix.
     factor: Vec<Lanes>,
+    /// One factor serves all blocks: their eigenvalues are the same.
+    pub shared: bool,
 }
 
 impl Banded {
@@ -54,6 +56,7 @@ impl Banded {
             full: vec![0.0; border * size],
             ends: [0.0; 2],
             factor: Vec::new(),
+            shared: false,
         };
         for pair in &line.pairs {
             let places = [pair.a as usize, line.other(pair)].map(|i| i.wrapping_sub(first));
@@ -116,7 +119,8 @@ impl Banded {
         }
     }
 
-    /// Factorises for the eigenvalues, whose number is a multiple of [`LANES`]. With `singular` the first is zero and
+    /// Factorises for the eigenvalues, whose number is a multiple of [`LANES`]; the first block of them will do when the
+    /// factor is shared. With `singular` the first is zero and
     /// the constant its null vector: the last node of that mode is put to zero. Allocates the first time only.
     pub fn factorise(&mut self, eigenvalues: &[f64], singular: bool) {
         let length = self.entries() * self.size;
@@ -227,10 +231,13 @@ impl Banded {
         if length == 0 {
             return;
         }
+        let entries = self.entries() * self.size;
         values
             .par_chunks_mut(length)
-            .zip(self.factor.par_chunks(self.entries() * self.size))
-            .for_each(|(values, factor)| {
+            .enumerate()
+            .for_each(|(block, values)| {
+                let first = if self.shared { 0 } else { block * entries };
+                let factor = &self.factor[first..first + entries];
                 if self.is_tridiagonal() {
                     self.sweep_tridiagonal(values, factor, parts);
                 } else {

@@ -89,16 +89,46 @@ impl Direct {
         fixed_ends: [[bool; 2]; 3],
         shift: f64,
     ) -> Result<Self, SolveError> {
-        let counts = grid.counts();
-        for (line, &expected) in lines.iter().zip(&counts) {
-            check_length("line", line.len(), expected)?;
-        }
-        check_length("indices of the grid", grid.indices.len(), halo.total())?;
+        check_lines(halo, grid, lines)?;
         let axes = roles(lines);
-        let [a, b, c] = axes;
+        let [a, b, _] = axes;
         let transform =
             PlaneTransform::new([&lines[a], &lines[b]], [fixed_ends[a], fixed_ends[b]])?;
-        let banded = Banded::new(&lines[c], fixed_ends[c]);
+        let banded = Banded::new(&lines[axes[2]], fixed_ends[axes[2]]);
+        Self::assemble((halo, grid), fixed_ends, axes, (transform, banded), shift)
+    }
+
+    /// With K of direction `axis` only: (H H K c + m H H H), a banded solve for every line. As [`Direct::new`]
+    /// otherwise; m > 0. Collective.
+    ///
+    /// # Errors
+    /// [`SolveError::Length`] when the lines do not fit the grid.
+    pub fn along(
+        axis: usize,
+        halo: &Halo,
+        grid: &TensorGrid,
+        lines: &[Line; 3],
+        fixed_ends: [[bool; 2]; 3],
+        shift: f64,
+    ) -> Result<Self, SolveError> {
+        check_lines(halo, grid, lines)?;
+        let others = [[1, 2], [0, 2], [0, 1]][axis];
+        let transform =
+            PlaneTransform::diagonal(others.map(|d| &lines[d]), others.map(|d| fixed_ends[d]));
+        let mut banded = Banded::new(&lines[axis], fixed_ends[axis]);
+        banded.shared = true;
+        let axes = [others[0], others[1], axis];
+        Self::assemble((halo, grid), fixed_ends, axes, (transform, banded), shift)
+    }
+
+    fn assemble(
+        (halo, grid): (&Halo, &TensorGrid),
+        fixed_ends: [[bool; 2]; 3],
+        axes: [usize; 3],
+        (transform, banded): (PlaneTransform, Banded),
+        shift: f64,
+    ) -> Result<Self, SolveError> {
+        let (counts, [a, b, c]) = (grid.counts(), axes);
         let modes = transform.eigenvalues.len();
         let shares = Shares::new(halo.communicator(), banded.size(), modes.div_ceil(LANES));
         let first_plane = usize::from(fixed_ends[c][0]);
@@ -129,7 +159,7 @@ impl Direct {
             let slabs = Slabs::new(halo, &shares, area, place);
             (Some(slabs), [1, counts[a], area])
         };
-        let long = (0..2).filter(|&role| counts[axes[role]] > 1 && strides[role] > strides[2]);
+        let long = (0..2).filter(|&role| counts[axes[role]] > 1 && strides[role] >= strides[2]);
         let slowest = long.max_by_key(|&role| strides[role]).unwrap_or(2);
         let bytes = 32 * counts[a] * counts[b];
         let mut direct = Self {
@@ -167,8 +197,11 @@ impl Direct {
         }
         self.coefficient = coefficient;
         self.singular = self.free_mass && shift == 0.0;
-        let own = self.shares.own_blocks();
+        let mut own = self.shares.own_blocks();
         let first = own.start == 0 && !own.is_empty();
+        if self.banded.shared && !own.is_empty() {
+            own = 0..1;
+        }
         let eigenvalues = &self.eigenvalues[own.start * LANES..own.end * LANES];
         self.banded.factorise(eigenvalues, self.singular && first);
     }
@@ -564,6 +597,13 @@ fn roles(lines: &[Line; 3]) -> [usize; 3] {
     } else {
         [low, high, banded]
     }
+}
+
+fn check_lines(halo: &Halo, grid: &TensorGrid, lines: &[Line; 3]) -> Result<(), SolveError> {
+    for (line, &expected) in lines.iter().zip(&grid.counts()) {
+        check_length("line", line.len(), expected)?;
+    }
+    check_length("indices of the grid", grid.indices.len(), halo.total())
 }
 
 fn check_length(what: &'static str, found: usize, expected: usize) -> Result<(), SolveError> {

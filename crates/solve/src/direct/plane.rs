@@ -15,6 +15,7 @@ use fibreflow_mesh::Line;
 /// | Fourier, Fourier | complex, (n_a/2 + 1) × n_b | b fastest |
 /// | Fourier, eigenvectors | complex, (n_a/2 + 1) × m_b | a fastest |
 /// | eigenvectors, eigenvectors | real, m_a × m_b | a fastest |
+/// | without coupling | the values by √(H_a H_b), n_a × n_b, zero at fixed ends | a fastest |
 pub(super) struct PlaneTransform {
     pub counts: [usize; 2],
     first: First,
@@ -28,11 +29,13 @@ pub(super) struct PlaneTransform {
 enum First {
     Fourier(RealLines),
     Dense(Mat<f64>),
+    Diagonal(Vec<f64>),
 }
 
 enum Second {
     Fourier(ComplexLines),
     Dense(Mat<f64>),
+    Diagonal(Vec<f64>),
 }
 
 /// Room for the transform of one plane.
@@ -72,7 +75,7 @@ impl PlaneTransform {
             First::Fourier(_) => {
                 ComplexLines::new(counts[1]).and_then(|t| Some((t, fourier(lines[1])?)))
             }
-            First::Dense(_) => None,
+            First::Dense(_) | First::Diagonal(_) => None,
         };
         let (second, b, b_is_fastest) = match lines_b {
             Some((transform, eigenvalues)) => (Second::Fourier(transform), eigenvalues, true),
@@ -99,6 +102,28 @@ impl PlaneTransform {
         })
     }
 
+    /// Of two lines whose K is left out: every mode is a node.
+    pub fn diagonal(lines: [&Line; 2], fixed: [[bool; 2]; 2]) -> Self {
+        let roots = |line: &Line, fixed: [bool; 2]| {
+            let mut roots: Vec<f64> = line.norm.iter().map(|h| h.sqrt().recip()).collect();
+            if let ([.., last], true) = (&mut roots[..], fixed[1]) {
+                *last = 0.0;
+            }
+            if let ([first, ..], true) = (&mut roots[..], fixed[0]) {
+                *first = 0.0;
+            }
+            roots
+        };
+        let counts = lines.map(Line::len);
+        Self {
+            counts,
+            first: First::Diagonal(roots(lines[0], fixed[0])),
+            second: Second::Diagonal(roots(lines[1], fixed[1])),
+            eigenvalues: vec![0.0; counts[0] * counts[1]],
+            scale: 1.0,
+        }
+    }
+
     /// True when a mode is a complex number.
     pub fn is_complex(&self) -> bool {
         matches!(self.first, First::Fourier(_))
@@ -111,8 +136,17 @@ impl PlaneTransform {
 
     /// What the directions are transformed by.
     pub fn names(&self) -> [&'static str; 2] {
-        let name = |fourier| if fourier { "FFT" } else { "eigenvectors" };
-        [name(self.is_complex()), name(self.is_fourier())]
+        let first = match self.first {
+            First::Fourier(_) => "FFT",
+            First::Dense(_) => "eigenvectors",
+            First::Diagonal(_) => "uncoupled",
+        };
+        let second = match self.second {
+            Second::Fourier(_) => "FFT",
+            Second::Dense(_) => "eigenvectors",
+            Second::Diagonal(_) => "uncoupled",
+        };
+        [first, second]
     }
 
     /// Floating-point operations of one transform: 5 n log₂ n of a complex Fourier transform, half of it for a real
@@ -123,11 +157,13 @@ impl PlaneTransform {
         let first = match &self.first {
             First::Fourier(_) => 2.5 * n_a * n_a.log2() * n_b,
             First::Dense(v) => 2.0 * n_a * v.ncols() as f64 * n_b,
+            First::Diagonal(_) => n_a * n_b,
         };
         let rows = lanes * self.width() as f64;
         let second = match &self.second {
             Second::Fourier(_) => 0.5 * rows * 5.0 * n_b * n_b.log2(),
             Second::Dense(v) => 2.0 * n_b * v.ncols() as f64 * rows,
+            Second::Diagonal(_) => n_a * n_b,
         };
         first + second
     }
@@ -137,6 +173,7 @@ impl PlaneTransform {
         match &self.first {
             First::Fourier(_) => self.counts[0] / 2 + 1,
             First::Dense(vectors) => vectors.ncols(),
+            First::Diagonal(roots) => roots.len(),
         }
     }
 
@@ -145,11 +182,11 @@ impl PlaneTransform {
         let lanes = if self.is_complex() { 2 } else { 1 };
         let first = match &self.first {
             First::Fourier(lines) => lines.scratch(),
-            First::Dense(_) => 0,
+            First::Dense(_) | First::Diagonal(_) => 0,
         };
         let second = match &self.second {
             Second::Fourier(lines) => lines.scratch(),
-            Second::Dense(_) => 0,
+            Second::Dense(_) | Second::Diagonal(_) => 0,
         };
         Room {
             values: vec![0.0; self.counts[0] * self.counts[1]],
@@ -171,6 +208,7 @@ impl PlaneTransform {
                 let half = MatMut::from_row_major_slice_mut(&mut room.half, n_b, width);
                 matmul(half, Accum::Replace, values, vectors, 1.0, Par::Seq);
             }
+            First::Diagonal(roots) => scale_columns(roots, &room.values, &mut room.half),
         }
         match &self.second {
             Second::Fourier(lines) => {
@@ -191,6 +229,7 @@ impl PlaneTransform {
                     Par::Seq,
                 );
             }
+            Second::Diagonal(roots) => scale_rows(roots, &room.half, &mut room.modes),
         }
     }
 
@@ -208,6 +247,7 @@ impl PlaneTransform {
                 let half = MatMut::from_row_major_slice_mut(&mut room.half, n_b, columns);
                 matmul(half, Accum::Replace, vectors, modes, 1.0, Par::Seq);
             }
+            Second::Diagonal(roots) => scale_rows(roots, &room.modes, &mut room.half),
         }
         match &self.first {
             First::Fourier(lines) => {
@@ -225,7 +265,29 @@ impl PlaneTransform {
                     Par::Seq,
                 );
             }
+            First::Diagonal(roots) => scale_columns(roots, &room.half, &mut room.values),
         }
+    }
+}
+
+fn scale_columns(scale: &[f64], from: &[f64], to: &mut [f64]) {
+    let rows = from
+        .chunks_exact(scale.len())
+        .zip(to.chunks_exact_mut(scale.len()));
+    for (from, to) in rows {
+        for ((to, from), scale) in to.iter_mut().zip(from).zip(scale) {
+            *to = scale * from;
+        }
+    }
+}
+
+fn scale_rows(scale: &[f64], from: &[f64], to: &mut [f64]) {
+    let columns = from.len() / scale.len();
+    let rows = from.chunks_exact(columns).zip(to.chunks_exact_mut(columns));
+    for ((from, to), scale) in rows.zip(scale) {
+        to.iter_mut()
+            .zip(from)
+            .for_each(|(to, from)| *to = scale * from);
     }
 }
 
