@@ -30,6 +30,7 @@ fn execute(communicator: &Communicator) -> u8 {
         }
     };
     watch_panics(communicator);
+    start_threads(communicator);
     let result = dispatch(&cli.command, communicator);
     // The hook holds the communicator, and MPI is finalised when the last one is dropped.
     drop(std::panic::take_hook());
@@ -41,6 +42,20 @@ fn execute(communicator: &Communicator) -> u8 {
         }
         Err(End::Alone(error)) => stop_all(communicator, &error),
     }
+}
+
+/// Threads of this rank, of which the one that runs the program is one: parallel loops start at once, without waking
+/// another. As many as RAYON_NUM_THREADS says, else what the machine has for each rank.
+fn start_threads(communicator: &Communicator) {
+    let asked = std::env::var("RAYON_NUM_THREADS").ok();
+    let asked = asked.and_then(|text| text.parse().ok()).filter(|&n| n > 0);
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let threads = asked.unwrap_or((cores / communicator.size()).max(1));
+    // Where threads cannot be had the loops run on the default pool.
+    let _ = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .use_current_thread()
+        .build_global();
 }
 
 /// How an error ends the program.

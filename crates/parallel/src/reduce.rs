@@ -12,7 +12,7 @@ fn blocks(length: usize) -> impl IndexedParallelIterator<Item = Range<usize>> {
         .map(move |b| b * BLOCK..((b + 1) * BLOCK).min(length))
 }
 
-/// Sum of `partial(range)` over fixed blocks of `0..length`, in block order. Local to the rank.
+/// Sum of `partial(range)` over fixed blocks of `0..length`, pairwise. Local to the rank.
 pub fn block_sum(length: usize, partial: impl Fn(Range<usize>) -> f64 + Sync + Send) -> f64 {
     block_sums::<1>(length, |range| [partial(range)])[0]
 }
@@ -22,15 +22,24 @@ pub fn block_sums<const N: usize>(
     length: usize,
     partial: impl Fn(Range<usize>) -> [f64; N] + Sync + Send,
 ) -> [f64; N] {
-    let add = |mut total: [f64; N], part: [f64; N]| {
-        total.iter_mut().zip(part).for_each(|(t, p)| *t += p);
-        total
-    };
-    if length <= BLOCK {
-        return add([0.0; N], partial(0..length));
+    block_tree(0..length.div_ceil(BLOCK), length, &partial)
+}
+
+/// Halves joined again and again: the tree depends on the length alone, and nothing is allocated.
+fn block_tree<const N: usize>(
+    blocks: Range<usize>,
+    length: usize,
+    partial: &(impl Fn(Range<usize>) -> [f64; N] + Sync),
+) -> [f64; N] {
+    if blocks.len() <= 1 {
+        return partial(blocks.start * BLOCK..(blocks.end * BLOCK).min(length));
     }
-    let parts: Vec<[f64; N]> = blocks(length).map(partial).collect();
-    parts.into_iter().fold([0.0; N], add)
+    let middle = blocks.start + blocks.len() / 2;
+    let (left, right) = rayon::join(
+        || block_tree(blocks.start..middle, length, partial),
+        || block_tree(middle..blocks.end, length, partial),
+    );
+    std::array::from_fn(|k| left[k] + right[k])
 }
 
 /// Largest `partial(range)` over blocks of `0..length`; `f64::NEG_INFINITY` when empty. A NaN wins. Local to the rank.
