@@ -63,14 +63,15 @@ impl Krylov {
             }
             let (mut z, mut q) = std::mem::take(&mut self.directions[slot]);
             let kept = iterations.min(KEPT);
-            let others = |k: &usize| *k != slot;
-            let list: Vec<usize> = (0..kept).filter(others).collect();
+            let mut list = [0; KEPT];
+            let others = (0..kept).filter(|k| *k != slot);
+            let count = list.iter_mut().zip(others).map(|(l, k)| *l = k).count();
             precondition(residual, &mut z)?;
             operator(&mut z, &mut q);
             rows::each(&mut q, |i, q| {
                 (0..4).for_each(|c| q[c] *= weights[i][c]);
             });
-            self.orthogonalise(&list, &mut z, &mut q, communicator);
+            self.orthogonalise(&list[..count], &mut z, &mut q, communicator);
             let size = norm(&q, communicator);
             if !(size > 0.0 && size.is_finite()) {
                 self.directions[slot] = (z, q);

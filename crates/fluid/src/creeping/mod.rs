@@ -45,6 +45,9 @@ pub(crate) struct Creeping {
     /// (u, p) of the running solve and its residual; total and owned.
     unknown: Vec<[f64; 4]>,
     residual: Vec<[f64; 4]>,
+    /// (u, p) at rest, total, and square roots of the weights of the residual norm, owned.
+    rest: Vec<[f64; 4]>,
+    weights: Vec<[f64; 4]>,
     /// Flow per unit of driving force along the controlled direction, with the rate it belongs to.
     response: Option<(f64, Vec<[f64; 4]>)>,
     /// Velocity that a stage starts from, and that of the start of the step; owned.
@@ -78,6 +81,8 @@ impl Creeping {
             source: owned.clone(),
             unknown: vec![[0.0; 4]; mesh.total()],
             residual: owned.clone(),
+            rest: vec![[0.0; 4]; mesh.total()],
+            weights: owned.clone(),
             response: None,
             start: owned.clone(),
             origin: owned,
@@ -128,6 +133,8 @@ impl Fluid {
             source,
             unknown,
             residual,
+            rest,
+            weights,
             ..
         } = creeping;
         // Rounded, so that neither the answer nor the set-up depends on the steps before, nor changes with each.
@@ -143,7 +150,7 @@ impl Fluid {
         preconditioner
             .prepare(&self.mesh, operators, boundary, scales)
             .map_err(failed)?;
-        let weights = system.weigh(operators, rate).to_vec();
+        system.weigh(operators, rate, weights);
         let mean = self.mean(unknown);
         let data = Data {
             rate,
@@ -156,14 +163,14 @@ impl Fluid {
             sums.map(f64::sqrt)
         };
         // What the data ask for: the residual of a flow at rest but for its boundaries.
-        let mut rest = self.at_rest(unknown, given);
-        system.residual(operators, boundary, data, &mut rest, residual);
+        self.put_rest(rest, given);
+        system.residual(operators, boundary, data, rest, residual);
         self.balance(residual, held);
-        let [asked, asked_flux, _, terms] = sizes(system, &rest, residual);
+        let [asked, asked_flux, _, terms] = sizes(system, rest, residual);
         if asked <= 1e-14 * terms && asked_flux == 0.0 {
-            unknown.copy_from_slice(&rest);
+            unknown.copy_from_slice(rest);
         }
-        let scale = weighted_norm(residual, &weights, communicator);
+        let scale = weighted_norm(residual, weights, communicator);
         let tolerance = self.settings.pressure.relative_tolerance;
         let (mut solved, mut goal) = (Solved::default(), tolerance);
         for attempt in 0..ATTEMPTS {
@@ -213,7 +220,7 @@ impl Fluid {
                 .solve(
                     operator,
                     precondition,
-                    &weights,
+                    weights,
                     (unknown, residual),
                     target,
                     communicator,
@@ -228,9 +235,9 @@ impl Fluid {
         Ok(solved)
     }
 
-    /// No flow but for boundary values and no pressure but at outlets, mean velocities as in `like`.
-    fn at_rest(&self, like: &[[f64; 4]], given: bool) -> Vec<[f64; 4]> {
-        let mut rest = vec![[0.0; 4]; like.len()];
+    /// No flow but for boundary values and no pressure but at outlets.
+    fn put_rest(&self, rest: &mut [[f64; 4]], given: bool) {
+        rest.fill([0.0; 4]);
         if given {
             for &(i, [x, y, z]) in &self.boundary.given {
                 rest[i as usize] = [x, y, z, 0.0];
@@ -239,7 +246,6 @@ impl Fluid {
                 rest[i as usize][3] = pressure / self.settings.density;
             }
         }
-        rest
     }
 
     /// Takes the uniform force from the momentum residual that a pressure gradient balances.

@@ -28,8 +28,6 @@ pub(super) struct System {
     pub viscosity: f64,
     /// Σ_j |S_ij| by owned node \[m²\].
     areas: Vec<f64>,
-    /// Square roots of the weights of the residual norm, owned.
-    weights: Vec<[f64; 4]>,
     /// Total: p, and u + T G p.
     pressure: Vec<f64>,
     carried: Vec<[f64; 4]>,
@@ -75,7 +73,6 @@ impl System {
             tau: vec![[0.0; 4]; total],
             viscosity,
             areas: (0..owned).map(area).collect(),
-            weights: vec![[0.0; 4]; owned],
             pressure: vec![0.0; total],
             carried: vec![[0.0; 4]; total],
             gradient: vec![[0.0; 4]; owned],
@@ -113,15 +110,14 @@ impl System {
 
     /// Square roots of the weights of the residual norm: one over the diagonals of both equations, so that it is near
     /// the dissipation that a residual stands for.
-    pub fn weigh(&mut self, operators: &Operators, rate: f64) -> &[[f64; 4]] {
+    pub fn weigh(&self, operators: &Operators, rate: f64, weights: &mut [[f64; 4]]) {
         let volumes = operators.volumes();
         let (viscous, stabilised) = (self.laplacian.diagonal(), self.stabiliser.diagonal());
         let nu = self.viscosity;
-        rows::each(&mut self.weights, |i, weight| {
+        rows::each(weights, |i, weight| {
             let momentum = (rate * volumes[i] + nu * viscous[i]).sqrt().recip();
             *weight = [momentum, momentum, momentum, stabilised[i].sqrt().recip()];
         });
-        &self.weights
     }
 
     /// `out` = V s u − ν V L u + V G p and Σ_j F_ij, of all nodes. The halo of `x` is brought up to date.
