@@ -2,6 +2,7 @@
 
 use crate::case::{self, json_schema};
 use crate::cli::{CheckArguments, MeshArguments};
+use crate::describe::describe;
 use crate::error::{ProgramError, agree};
 use crate::output::grid::Grid;
 use crate::scene::{Scene, build_mesh};
@@ -24,18 +25,10 @@ pub fn check(arguments: &CheckArguments, communicator: &Communicator) -> Result<
     let loaded = case::load(path, &arguments.overrides).map_err(ProgramError::from);
     let (case, document) = agree(communicator, loaded)?;
     let scene = Scene::new(&case, &document, folder_of(path), communicator)?;
-    let mesh = scene.flow.fluid().map_or_else(
-        || "prescribed flow".to_owned(),
-        |f| format!("{} nodes", f.mesh().total_nodes),
-    );
-    say(
-        communicator,
-        &format!(
-            "{} is valid: {mesh}, {} fibres",
-            path.display(),
-            scene.fibre_count
-        ),
-    );
+    say(communicator, &format!("{} is valid", path.display()));
+    for line in describe(&scene, &case) {
+        say(communicator, &line);
+    }
     Ok(())
 }
 

@@ -68,7 +68,9 @@ pub fn prepare(arguments: &RunArguments, communicator: &Communicator) -> Result<
         communicator,
         provenance(&case, &manifest, &folder, communicator),
     )?;
-    describe::describe(&scene, &case, &mut log);
+    for line in describe::describe(&scene, &case) {
+        log.line(&line);
+    }
     let observers = Observers::new(&case, &folder, &scene, &clock, resumed, signal);
     Ok(Run {
         observers: agree(communicator, observers)?,
