@@ -92,6 +92,9 @@ pub struct DualGeometry {
     /// (S_x, S_y, S_z, w): dual-face area vector from i to j \[m²\] and diffusive weight \[m\]:
     /// ∮∇φ·dS ≈ Σ_j w_ij (φ_j − φ_i).
     pub faces: Vec<[f64; 4]>,
+    /// Mass couplings m_ij = ∫N_i N_j \[m³\], m_ij = m_ji bitwise: Σ_j m_ij = V_i with the node itself and its images.
+    /// Empty where pairs are two-point.
+    pub masses: Vec<f64>,
     /// x_j + shift − x_i \[m\].
     pub displacements: Vec<[f64; 3]>,
     /// Dual volumes \[m³\] of owned and halo nodes.

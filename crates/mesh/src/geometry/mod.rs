@@ -46,6 +46,7 @@ pub fn dual(mesh: &LocalMesh) -> Result<DualGeometry, MeshError> {
         columns: rows.columns,
         images: rows.images,
         faces: rows.faces,
+        masses: rows.masses,
         displacements: rows.displacements,
         total_volume: communicator.sum(volume),
         volumes,

@@ -19,6 +19,7 @@ pub(super) struct Rows {
     pub columns: Vec<u32>,
     pub images: Vec<Image>,
     pub faces: Vec<[f64; 4]>,
+    pub masses: Vec<f64>,
     pub displacements: Vec<[f64; 3]>,
     pub volumes: Vec<f64>,
     pub self_pairs: Vec<(u32, Image, [f64; 4])>,
@@ -49,6 +50,10 @@ impl Rows {
             columns: Vec::with_capacity(entries),
             images: Vec::with_capacity(entries),
             faces: Vec::with_capacity(entries),
+            masses: Vec::with_capacity(match form {
+                Form::TwoPoint => 0,
+                Form::Galerkin => entries,
+            }),
             displacements: Vec::with_capacity(entries),
             volumes: Vec::with_capacity(mesh.total()),
             self_pairs: Vec::new(),
@@ -61,6 +66,7 @@ impl Rows {
             all.columns.append(&mut block.columns);
             all.images.append(&mut block.images);
             all.faces.append(&mut block.faces);
+            all.masses.append(&mut block.masses);
             all.displacements.append(&mut block.displacements);
             all.volumes.append(&mut block.volumes);
             all.self_pairs.append(&mut block.self_pairs);
@@ -159,20 +165,20 @@ impl<'a> Assembly<'a> {
                 .mesh
                 .elements
                 .coordinates(e, &self.mesh.nodes, &self.mesh.periods);
-            shares.pair_starts.push(shares.faces.len() as u32);
-            shares.volume_starts.push(shares.volumes.len() as u32);
-            let (faces, volumes) = (&mut shares.faces, &mut shares.volumes);
+            let given = &mut shares.given;
+            shares.pair_starts.push(given.faces.len() as u32);
+            shares.volume_starts.push(given.volumes.len() as u32);
             match self.form {
-                Form::TwoPoint => element::two_point(&x, faces, volumes),
+                Form::TwoPoint => element::two_point(&x, given),
                 Form::Galerkin => {
-                    element::galerkin(kind, &x, faces, volumes).map_err(|inversion| Failure {
+                    element::galerkin(kind, &x, given).map_err(|inversion| Failure {
                         element: e,
                         inversion: Some(inversion),
                     })?;
                 }
             }
             debug_assert_eq!(
-                faces.len(),
+                given.faces.len(),
                 shares.pair_starts[shares.pair_starts.len() - 1] as usize
                     + self.pairs[kind as usize]
             );
@@ -194,7 +200,7 @@ impl<'a> Assembly<'a> {
         let arms = &self.arms[elements.kinds[e] as usize];
         let mut volume = 0.0;
         for (a, _) in nodes.iter().enumerate().filter(|(_, node)| **node == i) {
-            volume += shares.volumes[shares.volume_starts[slot] as usize + a];
+            volume += shares.given.volumes[shares.volume_starts[slot] as usize + a];
             for arm in &arms[a] {
                 let b = arm.to as usize;
                 let image = if images[a] == images[b] {
@@ -218,9 +224,10 @@ impl<'a> Assembly<'a> {
         for group in terms.chunk_by(|a, b| a.0 == b.0) {
             let (key, _, j, _) = group[0];
             let image = Image::from_code((key & 31) as u8).unwrap_or(Image::ZERO);
-            let mut face = [0.0; 4];
+            let (mut face, mut mass) = ([0.0; 4], 0.0);
             for &(_, place, _, backwards) in group {
-                let share = shares.faces[place as usize];
+                let share = shares.given.faces[place as usize];
+                mass += shares.given.masses.get(place as usize).unwrap_or(&0.0);
                 let sign = if backwards { -1.0 } else { 1.0 };
                 (0..3).for_each(|c| face[c] += sign * share[c]);
                 face[3] += share[3];
@@ -236,6 +243,9 @@ impl<'a> Assembly<'a> {
                 block.columns.push(j);
                 block.images.push(image);
                 block.faces.push(face);
+                if self.form == Form::Galerkin {
+                    block.masses.push(mass);
+                }
                 block.displacements.push(d);
             }
         }
@@ -264,8 +274,7 @@ impl<'a> Assembly<'a> {
 struct Shares {
     pair_starts: Vec<u32>,
     volume_starts: Vec<u32>,
-    faces: Vec<[f64; 4]>,
-    volumes: Vec<f64>,
+    given: element::Shares,
 }
 
 /// Elements of every owned node by counting sort, ascending.

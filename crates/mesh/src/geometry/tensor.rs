@@ -58,6 +58,7 @@ pub fn fourth(mesh: &LocalMesh) -> Result<DualGeometry, MeshError> {
         columns: Vec::new(),
         images: Vec::new(),
         faces: Vec::new(),
+        masses: Vec::new(),
         displacements: Vec::new(),
         self_pairs: Vec::new(),
         orthogonal: true,

@@ -174,6 +174,9 @@ fn pairs_are_antisymmetric_bitwise() {
                     .expect("a pair seen from both sides");
                 let (f, g) = (dual.faces[e], dual.faces[back]);
                 assert_eq!([f[0], f[1], f[2], f[3]], [-g[0], -g[1], -g[2], g[3]]);
+                let mass = |e: usize| dual.masses.get(e);
+                assert_eq!(mass(e), mass(back));
+                assert_eq!(mass(e).is_none(), dual.orthogonal);
                 let opposite = dual.displacements[back].map(|d| -d);
                 assert_eq!(dual.displacements[e], opposite);
             }
