@@ -26,6 +26,8 @@ pub struct Fluid {
     pub(crate) boundary: Boundary,
     pub(crate) momentum: Momentum,
     pub(crate) poisson: Pressure,
+    /// The present step corrects lumped mass, see [`crate::Mass`].
+    pub(crate) correcting: bool,
     pub(crate) mismatch: Mismatch,
     /// What a flow without inertia needs; none in a flow with it.
     pub(crate) creeping: Option<Creeping>,
@@ -89,6 +91,7 @@ impl Fluid {
         let (total, entries) = (mesh.total(), operators.flux_length());
         let given = mesh.halo.communicator().any(!boundary.given.is_empty());
         let mut fluid = Self {
+            correcting: false,
             creeping: match settings.inertia {
                 Inertia::Full => None,
                 Inertia::Steady | Inertia::Linear => Some(Creeping::new(

@@ -31,6 +31,6 @@ pub use measure::KernelCost;
 pub use poisson::{PressureChoice, PressureReason, Projection};
 pub use predict::Prediction;
 pub use settings::{
-    Diffusion, FluidSettings, Forcing, Inertia, Kernels, PressurePreconditioner, Projections,
+    Diffusion, FluidSettings, Forcing, Inertia, Kernels, Mass, PressurePreconditioner, Projections,
 };
 pub use state::FluidState;

@@ -7,7 +7,8 @@
 //!
 //! The convecting flux F is frozen at the middle of the step, extrapolated from the last two projected fluxes: it is
 //! solenoidal, so the operator is skew-symmetric in every sub-step and the Runge–Kutta scheme can only damp kinetic energy
-//! below its stability limit. A steady state does not depend on Δt: the increments vanish together.
+//! below its stability limit. A steady state does not depend on Δt: the increments vanish together. Where mass is corrected,
+//! [`mass`] says how the increment follows from the right-hand side.
 
 use crate::boundary::{Boundary, Through};
 use crate::diffusion::DiffusionChoice;
@@ -17,6 +18,7 @@ use fibreflow_mesh::{DualGeometry, LocalMesh};
 use fibreflow_parallel::block_sums;
 use fibreflow_solve::{CgSettings, ConjugateGradients, Helmholtz, Jacobi, NullSpace, PairMatrix};
 
+mod mass;
 mod operator;
 use operator::Confined;
 
@@ -62,7 +64,7 @@ pub(crate) struct Momentum {
     /// Total: u of the sub-step to come \[m/s\]; where diffusion is implicit, owned: the explicit part of
     /// V (u^k − u^(k−1)) \[m⁴/s\].
     pub(crate) next: Vec<[f64; 4]>,
-    /// Total: u^k − u^(k−1) where diffusion is implicit \[m/s\].
+    /// Total: u^k − u^(k−1) where diffusion is implicit, or before its mass is corrected \[m/s\].
     pub(crate) increment: Vec<[f64; 4]>,
 }
 
@@ -103,6 +105,7 @@ impl Fluid {
         }
         let diffusion = self.choose_diffusion(dt);
         self.drive(self.time + 0.5 * dt);
+        self.correcting = diffusion.corrected_mass;
         self.extrapolate_flux(dt);
         if self.steps == 0 {
             self.start_pressure(dt)?;
@@ -203,6 +206,7 @@ impl Fluid {
             source, rate, next, ..
         } = &mut self.momentum;
         let (source, inverse) = (&*source, self.operators.inverse_volumes());
+        let correcting = self.correcting;
         self.operators.convection_diffusion(
             &self.flux_other,
             &mut self.velocity,
@@ -211,13 +215,17 @@ impl Fluid {
                 for c in 0..4 {
                     let new = convected[c] + nu * diffused[c];
                     let impulse = gamma * new + zeta * rate[c] + alpha * source[i][c];
-                    next[c] = own[c] + inverse[i] * impulse;
+                    let step = inverse[i] * impulse;
+                    next[c] = if correcting { step } else { own[c] + step };
                     rate[c] = new;
                 }
             },
         );
         self.flow_through(gamma, true);
         self.move_boundary(passed, step, dt);
+        if correcting {
+            self.correct_step();
+        }
         self.confine_sub_step();
         std::mem::swap(&mut self.velocity, &mut self.momentum.next);
     }
@@ -298,7 +306,8 @@ impl Fluid {
         }
     }
 
-    /// Solves (V − ½ α Δt ν V L) δ = rhs and adds δ to the velocity (owned entries).
+    /// Solves (V − ½ α Δt ν V L) δ = rhs, once more with the lumping error of the answer where mass is corrected, and
+    /// adds δ to the velocity (owned entries).
     fn implicit_part(
         &mut self,
         step: &SubStep,
@@ -306,6 +315,53 @@ impl Fluid {
         settings: &CgSettings,
     ) -> Result<usize, FluidError> {
         let coefficient = 0.5 * step.alpha * dt * self.settings.kinematic_viscosity();
+        self.lift_shift(coefficient);
+        let mut iterations = self.viscous_solve(coefficient, settings)?;
+        if self.correcting {
+            self.correct_right_side();
+            // Zero at given nodes, as what is solved for.
+            self.boundary.put_zero(&mut self.momentum.increment);
+            iterations += self.viscous_solve(coefficient, settings)?;
+        }
+        self.close_balance(coefficient);
+        self.book_shift();
+        let increment = &self.momentum.increment;
+        let owned = self.mesh.owned();
+        rows::each(&mut self.velocity[..owned], |i, u| {
+            (0..3).for_each(|c| u[c] += increment[i][c]);
+        });
+        Ok(iterations)
+    }
+
+    /// Changes of given velocities into the right-hand side; the increment becomes zero.
+    fn lift_shift(&mut self, coefficient: f64) {
+        let Momentum {
+            matrix,
+            next,
+            increment,
+            ..
+        } = &mut self.momentum;
+        increment.fill([0.0; 4]);
+        if self.boundary.moves {
+            let helmholtz = Helmholtz {
+                matrix,
+                mass: self.operators.volumes(),
+                coefficient,
+            };
+            self.boundary.put_shift(increment);
+            self.mesh.halo.update(increment);
+            helmholtz.lift(increment, next);
+            self.boundary.put_zero(next);
+            increment.fill([0.0; 4]);
+        }
+    }
+
+    /// Increment from the right-hand side, given values put in; starts from the increment, zero at given nodes.
+    fn viscous_solve(
+        &mut self,
+        coefficient: f64,
+        settings: &CgSettings,
+    ) -> Result<usize, FluidError> {
         let volumes = self.operators.volumes();
         let Momentum {
             matrix,
@@ -320,35 +376,19 @@ impl Fluid {
             mass: volumes,
             coefficient,
         };
-        let rhs = &mut next[..volumes.len()];
-        let moves = self.boundary.moves;
-        increment.fill([0.0; 4]);
-        if moves {
-            self.boundary.put_shift(increment);
-            self.mesh.halo.update(increment);
-            helmholtz.lift(increment, rhs);
-            self.boundary.put_zero(rhs);
-            increment.fill([0.0; 4]);
-        }
         jacobi.update(helmholtz.diagonal());
         let operator = Confined {
             helmholtz,
             constraints: &self.boundary.constraints,
         };
+        let rhs = &next[..volumes.len()];
         let solve = krylov.solve(&operator, jacobi, rhs, increment, settings, NullSpace::None);
         let solve = solve.map_err(|source| self.solve_failed("momentum", source))?;
-        if moves {
+        if self.boundary.moves {
             let increment = &mut self.momentum.increment;
             self.boundary.put_shift(increment);
             self.mesh.halo.update(increment);
         }
-        self.close_balance(coefficient);
-        self.book_shift();
-        let increment = &self.momentum.increment;
-        let owned = self.mesh.owned();
-        rows::each(&mut self.velocity[..owned], |i, u| {
-            (0..3).for_each(|c| u[c] += increment[i][c]);
-        });
         Ok(solve.iterations)
     }
 

@@ -230,6 +230,13 @@ impl Fluid {
         rows::each(&mut rate[..inverse.len()], |i, rate| {
             *rate = rhs[i].map(|r| r * inverse[i]);
         });
+        if self.correcting {
+            self.correct_rate();
+        }
+        let (rate, inverse) = (
+            &mut self.momentum.increment,
+            self.operators.inverse_volumes(),
+        );
         // The force on nodes of the boundary is balanced by pressure too.
         for constraint in &self.boundary.constraints {
             let i = constraint.node as usize;

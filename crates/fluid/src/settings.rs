@@ -29,6 +29,8 @@ pub struct FluidSettings {
     pub cleaning_cycles: usize,
     /// How viscous terms are advanced in time.
     pub diffusion: Diffusion,
+    /// Whether the dispersion of lumped mass is taken out.
+    pub mass: Mass,
     /// How pairs of nodes are read.
     pub kernels: Kernels,
     /// Which inertia the flow has.
@@ -48,6 +50,18 @@ pub enum Diffusion {
     Explicit,
     /// Implicitly (Crank–Nicolson).
     Implicit,
+}
+
+/// What stands before the rate of change of the velocity on meshes that are not of orthogonal hexahedra only; on those
+/// it is the dual volume.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Mass {
+    /// The consistent mass of the elements, by one explicit correction, in the steps in which that is stable: Courant
+    /// numbers up to 1.23.
+    #[default]
+    Corrected,
+    /// The dual volume: less work, larger errors of dispersion.
+    Lumped,
 }
 
 /// How pairs of nodes are read.
@@ -118,6 +132,7 @@ impl FluidSettings {
             projections: Projections::default(),
             cleaning_cycles: 2,
             diffusion: Diffusion::default(),
+            mass: Mass::default(),
             kernels: Kernels::default(),
             inertia: Inertia::default(),
             hold_mean_velocity: false,

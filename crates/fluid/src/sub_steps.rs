@@ -15,6 +15,7 @@ impl Fluid {
             return Err(FluidError::TimeStep(dt));
         }
         let diffusion = self.choose_diffusion(dt);
+        self.correcting = diffusion.corrected_mass;
         if self.steps == 0 {
             self.boundary.begin_step(0.0);
             self.start_pressure(dt)?;

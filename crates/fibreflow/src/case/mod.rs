@@ -27,7 +27,7 @@ pub use fibres::{
     Hydrodynamics, Orientation, Placement, PointLoad, Shape, TorqueLaw,
 };
 pub use fluid::{
-    ChannelProfile, Diffusion, Fluid, Forcing, Inertia, Initial, Poisson, Preconditioner,
+    ChannelProfile, Diffusion, Fluid, Forcing, Inertia, Initial, Mass, Poisson, Preconditioner,
 };
 pub use force::PointForce;
 pub use loads::{Coefficients, Loads};

@@ -3,7 +3,7 @@
 use super::boundary::Boundaries;
 use crate::case::{self, CaseError};
 use fibreflow_fluid::{
-    Diffusion, FluidSettings, Forcing, Inertia, PressurePreconditioner, Projections,
+    Diffusion, FluidSettings, Forcing, Inertia, Mass, PressurePreconditioner, Projections,
 };
 use fibreflow_solve::CgSettings;
 
@@ -38,6 +38,10 @@ pub fn settings(
         case::Diffusion::Auto => Diffusion::Auto,
         case::Diffusion::Explicit => Diffusion::Explicit,
         case::Diffusion::Implicit => Diffusion::Implicit,
+    };
+    settings.mass = match fluid.mass {
+        case::Mass::Corrected => Mass::Corrected,
+        case::Mass::Lumped => Mass::Lumped,
     };
     settings.pressure = CgSettings {
         relative_tolerance: fluid.poisson.tolerance,

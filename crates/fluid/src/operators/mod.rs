@@ -6,6 +6,7 @@
 //! | gradient | V_i G p_i = Σ_j ½(p_i + p_j) S_ij + p_i B_i = ½ Σ_j (p_j − p_i) S_ij, as Σ_j S_ij + B_i = 0 |
 //! | convection | C(F)u_i = Σ_j ½(u_i + u_j) F_ij + u_i F_b: uᵀC(F)u = ½ Σ |u|² F_b when ΣF = 0 |
 //! | Laplacian | V_i L u_i = Σ_j w_ij (u_j − u_i) |
+//! | lumping error | (V − M)u_i = Σ_j m_ij (u_i − u_j) |
 //!
 //! Pair fluxes are antisymmetric bitwise, so that what leaves one volume enters the other.
 //!
@@ -212,6 +213,21 @@ impl Operators {
         self.sweep(x, |x, part| match &self.form {
             Form::Rows(pairs) => pairs.laplacian(part, x, out, &finish),
             Form::Lines(lattice) => lattice.laplacian(part, x, out, &finish),
+        });
+    }
+
+    /// What lumping the mass leaves out, Σ_j m_ij (x_i − x_j) \[field·m³\], handed with x_i to `finish(i, x_i, ·, a_i)`.
+    /// Only pairs of the Galerkin form have masses.
+    pub fn lumping_error<A: Send>(
+        &self,
+        x: &mut [[f64; 4]],
+        out: &mut [A],
+        finish: impl Fn(usize, [f64; 4], [f64; 4], &mut A) + Sync,
+    ) {
+        self.sweep(x, |x, part| match &self.form {
+            Form::Rows(pairs) => pairs.lumping_error(part, x, out, &finish),
+            // Lines are two-point.
+            Form::Lines(_) => {}
         });
     }
 

@@ -113,6 +113,29 @@ impl Pairs {
         });
     }
 
+    /// See [`super::Operators::lumping_error`].
+    pub fn lumping_error<A: Send>(
+        &self,
+        part: Part,
+        x: &[[f64; 4]],
+        out: &mut [A],
+        finish: &(impl Fn(usize, [f64; 4], [f64; 4], &mut A) + Sync),
+    ) {
+        let mut none = nothing(out.len());
+        self.each(part, (out, &mut none), |i, out, ()| {
+            let range = self.geometry.row(i);
+            let masses = &self.geometry.masses[range.clone()];
+            let own = x[i];
+            let mut sum = [0.0; 4];
+            for (&j, m) in self.geometry.columns[range].iter().zip(masses) {
+                let other = x[j as usize];
+                (0..4).for_each(|c| sum[c] += m * (own[c] - other[c]));
+            }
+            finish(i, own, sum, out);
+            0.0
+        });
+    }
+
     /// See [`super::Operators::divergence`].
     pub fn divergence<A: Send, B: Send>(
         &self,
