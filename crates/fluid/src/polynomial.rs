@@ -66,10 +66,12 @@ impl Polynomial {
         for k in 1..Self::DEGREE {
             let next = 1.0 / (2.0 * *middle / *half - ratio);
             let (keep, add) = (next * ratio, 2.0 * next / *half);
-            operators.laplacian(x, &mut before[..owned], |i, own, laplacian, before| {
-                let old = if k == 1 { 0.0 } else { *before };
-                *before = own + keep * (own - old) + add * inverse[i] * (rhs[i] + laplacian);
-            });
+            // Before the first x there is none.
+            let kept = if k == 1 { 0.0 } else { keep };
+            let step = |own: f64, laplacian: f64, [inverse, rhs]: [f64; 2], old: f64| {
+                own + keep * own - kept * old + add * inverse * (rhs + laplacian)
+            };
+            operators.laplacian(x, [inverse, rhs], &mut before[..owned], step);
             std::mem::swap(x, before);
             ratio = next;
         }

@@ -10,6 +10,10 @@ use fibreflow_mesh::{DualGeometry, Line, LocalMesh, TensorLines};
 use std::collections::HashMap;
 use std::ops::Range;
 
+/// Most distances inside a line, and most arms: fourth order next to the ends of all directions.
+pub(super) const MOST_ALONG: usize = 3;
+pub(super) const MOST_ARMS: usize = 10;
+
 /// Pairs (i, i + step) inside every line, modulo its length.
 #[derive(Clone, Debug)]
 pub(super) struct Along {
@@ -52,6 +56,8 @@ pub(super) struct Lattice {
     /// H_a \[m\].
     pub norm: Vec<f64>,
     pub along: Vec<Along>,
+    /// As long as a line.
+    pub zeros: Vec<f64>,
     /// H_b H_c of every owned line \[m²\].
     pub areas: Vec<f64>,
     arms: Vec<Arm>,
@@ -89,6 +95,7 @@ impl Lattice {
             axis: a,
             norm: lines[a].norm.clone(),
             along: along(&lines[a]),
+            zeros: vec![0.0; length],
             areas: Vec::with_capacity(owned),
             arms: Vec::new(),
             arm_starts: vec![0],
@@ -142,6 +149,10 @@ impl Lattice {
         }
         for (arm, key) in lattice.arms.iter_mut().zip(&keys) {
             arm.slot = slots[key];
+        }
+        let fits = (0..owned).all(|line| lattice.arms(line).len() <= MOST_ARMS);
+        if !fits || lattice.along.len() > MOST_ALONG || lattice.flux_length() < length {
+            return None;
         }
         let in_halo = |arm: &Arm| arm.start as usize >= mesh.owned();
         if lattice.arms.iter().any(in_halo) {

@@ -4,7 +4,7 @@
 //! line after another is added, every one of them a contiguous slice. (`axis & 3`: no bounds to check.)
 
 use super::Part;
-use super::lattice::{Arm, Lattice, wrapped};
+use super::lattice::{Lattice, MOST_ALONG, MOST_ARMS, wrapped};
 use crate::rows::{largest, nothing, sum};
 
 /// Nodes a task.
@@ -157,12 +157,13 @@ impl Lattice {
     }
 
     /// See [`super::Operators::laplacian`].
-    pub fn laplacian<A: Send>(
+    pub fn laplacian(
         &self,
         part: Part,
         x: &[f64],
-        out: &mut [A],
-        finish: &(impl Fn(usize, f64, f64, &mut A) + Sync),
+        given: [&[f64]; 2],
+        out: &mut [f64],
+        finish: &(impl Fn(f64, f64, [f64; 2], f64) -> f64 + Sync),
     ) {
         let mut none = nothing(out.len());
         self.each(part, &mut [], (out, &mut none), sum, |line, _, out, _| {
@@ -173,17 +174,10 @@ impl Lattice {
                 let (mut inner, mut outer) = ([0.0; CHUNK], [0.0; CHUNK]);
                 for along in &self.along {
                     let (mut next, mut previous) = ([0.0; CHUNK], [0.0; CHUNK]);
-                    around(
-                        here,
-                        start,
-                        along.step,
-                        (&mut next[..count], &mut previous[..count]),
-                        |&v| v,
-                    );
-                    let (after, before) = (
-                        &along.stiffness[start..][..count],
-                        &along.stiffness_before[start..][..count],
-                    );
+                    let both = (&mut next[..count], &mut previous[..count]);
+                    around(here, start, along.step, both, |&v| v);
+                    let after = &along.stiffness[start..][..count];
+                    let before = &along.stiffness_before[start..][..count];
                     for k in 0..count {
                         inner[k] +=
                             after[k] * (next[k] - own[k]) + before[k] * (previous[k] - own[k]);
@@ -197,8 +191,11 @@ impl Lattice {
                 }
                 let area = self.areas[line];
                 let first = line * self.length + start;
-                for (k, out) in out[start..][..count].iter_mut().enumerate() {
-                    finish(first + k, own[k], area * inner[k] + norm[k] * outer[k], out);
+                let [a, b] = given.map(|field| &field[first..][..count]);
+                let out = &mut out[start..][..count];
+                for k in 0..count {
+                    let laplacian = area * inner[k] + norm[k] * outer[k];
+                    out[k] = finish(own[k], laplacian, [a[k], b[k]], out[k]);
                 }
             }
             0.0
@@ -271,57 +268,76 @@ impl Lattice {
         finish: &(impl Fn(usize, [f64; 4], [f64; 4], [f64; 4], &mut A, &mut B) + Sync),
     ) {
         self.each(part, &mut [], out, sum, |line, _, a, b| {
-            // Known numbers of arms are unrolled: second and fourth order away from the ends.
-            match self.arms(line) {
-                arms if let Ok(arms) = <&[Arm; 4]>::try_from(arms) => {
-                    self.transport(line, arms, (flux, u), (a, b), finish);
+            // One neighbour and four arms, two and eight: second and fourth order away from the ends, unrolled.
+            let fields = (flux, u);
+            match (self.along.len(), self.arms(line).len()) {
+                (0..=1, 0..=4) => self.transport::<1, 4, A, B>(line, fields, (a, b), finish),
+                (0..=2, 0..=8) => self.transport::<2, 8, A, B>(line, fields, (a, b), finish),
+                _ => {
+                    self.transport::<MOST_ALONG, MOST_ARMS, A, B>(line, fields, (a, b), finish);
                 }
-                arms if let Ok(arms) = <&[Arm; 8]>::try_from(arms) => {
-                    self.transport(line, arms, (flux, u), (a, b), finish);
-                }
-                arms => self.transport(line, arms, (flux, u), (a, b), finish),
             }
             0.0
         });
     }
 
+    /// A line with at most K distances inside it and N arms.
     #[inline(always)]
-    fn transport<A, B>(
+    fn transport<const K: usize, const N: usize, A, B>(
         &self,
         line: usize,
-        arms: &(impl AsRef<[Arm]> + ?Sized),
         (flux, u): (&[f64], &[[f64; 4]]),
         (a, b): (&mut [A], &mut [B]),
         finish: &impl Fn(usize, [f64; 4], [f64; 4], [f64; 4], &mut A, &mut B),
     ) {
         let n = self.length;
         let (first, area) = (line * n, self.areas[line]);
-        let here = &u[self.nodes(line)];
+        let here = &u[first..][..n];
+        // What is missing to K and N takes part with weight zero.
+        let arms = self.arms(line);
+        let others: [&[[f64; 4]]; N] = std::array::from_fn(|k| {
+            let start = arms.get(k).map_or(first, |arm| arm.start as usize);
+            &u[start..][..n]
+        });
+        let outer_flux: [&[f64]; N] = std::array::from_fn(|k| {
+            let start = arms.get(k).map_or(0, |arm| arm.slot as usize);
+            &flux[start..][..n]
+        });
+        let halves: [f64; N] = std::array::from_fn(|k| arms.get(k).map_or(0.0, |a| 0.5 * a.sign));
+        let stiffness: [f64; N] = std::array::from_fn(|k| arms.get(k).map_or(0.0, |a| a.stiffness));
+        let steps: [usize; K] = std::array::from_fn(|k| self.along.get(k).map_or(0, |l| l.step));
+        let inner_flux: [&[f64]; K] = std::array::from_fn(|k| match self.along.get(k) {
+            Some(_) => self.inner(line, k, flux),
+            None => &self.zeros,
+        });
+        let inner_stiffness: [[&[f64]; 2]; K] = std::array::from_fn(|k| match self.along.get(k) {
+            Some(along) => [&along.stiffness[..n], &along.stiffness_before[..n]],
+            None => [&self.zeros[..n]; 2],
+        });
+        let norm = &self.norm[..n];
         let (a, b) = (&mut a[..n], &mut b[..n]);
         for i in 0..n {
             let own = here[i];
             let (mut convection, mut inner, mut outer) = ([0.0; 4], [0.0; 4], [0.0; 4]);
-            for (k, along) in self.along.iter().enumerate() {
-                let inside = self.inner(line, k, flux);
-                let (next, previous) = (wrapped(i + along.step, n), wrapped(i + n - along.step, n));
-                let (out, back) = (0.5 * inside[i], 0.5 * inside[previous]);
+            for k in 0..K {
+                let (next, previous) = (wrapped(i + steps[k], n), wrapped(i + n - steps[k], n));
+                let (out, back) = (0.5 * inner_flux[k][i], 0.5 * inner_flux[k][previous]);
                 let (above, below) = (here[next], here[previous]);
-                let (after, before) = (along.stiffness[i], along.stiffness[previous]);
+                let [after, before] = inner_stiffness[k].map(|s| s[i]);
                 for c in 0..4 {
                     convection[c] -= out * (own[c] + above[c]) - back * (own[c] + below[c]);
                     inner[c] += after * (above[c] - own[c]) + before * (below[c] - own[c]);
                 }
             }
-            for arm in arms.as_ref() {
-                let other = u[arm.start as usize + i];
-                let half = 0.5 * arm.sign * flux[arm.slot as usize + i];
+            for k in 0..N {
+                let other = others[k][i];
+                let half = halves[k] * outer_flux[k][i];
                 for c in 0..4 {
                     convection[c] -= half * (own[c] + other[c]);
-                    outer[c] += arm.stiffness * (other[c] - own[c]);
+                    outer[c] += stiffness[k] * (other[c] - own[c]);
                 }
             }
-            let norm = self.norm[i];
-            let diffusion = std::array::from_fn(|c| area * inner[c] + norm * outer[c]);
+            let diffusion = std::array::from_fn(|c| area * inner[c] + norm[i] * outer[c]);
             finish(first + i, own, convection, diffusion, &mut a[i], &mut b[i]);
         }
     }
@@ -347,8 +363,12 @@ impl Lattice {
                     let i = first + k;
                     let gradient = [sums[0][k], sums[1][k], sums[2][k], 0.0];
                     finish(i, u[i], psi[i], gradient, &mut a[k], &mut b[k]);
-                    rate = largest(rate, 0.5 * sizes[k] * inverse[i]);
                 }
+                let inverse = &inverse[first..][..count];
+                for k in 0..count {
+                    sizes[k] *= 0.5 * inverse[k];
+                }
+                rate = largest(rate, largest_of(&sizes));
             }
             rate
         })
@@ -367,9 +387,14 @@ impl Lattice {
         let nodes = self.nodes(line);
         let (here, level) = (&u[nodes.clone()], &psi[nodes]);
         let count = CHUNK.min(self.length - start);
-        let (own, own_level) = (&here[start..][..count], &level[start..][..count]);
+        let own_level = &level[start..][..count];
+        let mut own = [[0.0; CHUNK]; 4];
+        for (k, u) in here[start..][..count].iter().enumerate() {
+            (0..3).for_each(|c| own[c][k] = u[c]);
+        }
         let norm = &self.norm[start..][..count];
         let (axis, area) = (self.axis & 3, self.areas[line]);
+        let along_own = &own[axis][..count];
         for (place, along) in self.along.iter().enumerate() {
             let (mut next, mut previous) = ([0.0; CHUNK], [0.0; CHUNK]);
             let (mut above, mut below) = ([0.0; CHUNK], [0.0; CHUNK]);
@@ -398,10 +423,10 @@ impl Lattice {
             );
             for k in 0..count {
                 let out = area
-                    * (0.5 * skew[k] * (own[k][axis] + next[k])
+                    * (0.5 * skew[k] * (along_own[k] + next[k])
                         - stiffness[k] * (above[k] - own_level[k]));
                 let back = area
-                    * (0.5 * skew_before[k] * (previous[k] + own[k][axis])
+                    * (0.5 * skew_before[k] * (previous[k] + along_own[k])
                         - stiffness_before[k] * (own_level[k] - below[k]));
                 slots[k] = out;
                 sizes[k] += out.abs() + back.abs();
@@ -412,8 +437,9 @@ impl Lattice {
             let from = arm.start as usize + start;
             let (other, other_level) = (&u[from..][..count], &psi[from..][..count]);
             let axis = arm.axis as usize & 3;
+            let own = &own[axis][..count];
             let value = |k: usize| {
-                let carried = 0.5 * arm.skew * (own[k][axis] + other[k][axis]);
+                let carried = 0.5 * arm.skew * (own[k] + other[k][axis]);
                 norm[k] * (carried - arm.sign * arm.stiffness * (other_level[k] - own_level[k]))
             };
             if arm.writes {
@@ -484,6 +510,17 @@ impl Lattice {
             .step_by(CHUNK)
             .map(move |start| (start, CHUNK.min(n - start)))
     }
+}
+
+/// The largest of a chunk, in eight lanes; a NaN wins.
+fn largest_of(values: &Chunk) -> f64 {
+    let mut lanes = [0.0; 8];
+    for group in values.as_chunks::<8>().0 {
+        for k in 0..8 {
+            lanes[k] = largest(group[k], lanes[k]);
+        }
+    }
+    lanes.into_iter().fold(0.0, largest)
 }
 
 /// Of the nodes of a line from `start` on: the values `step` further on and further back, modulo its length.

@@ -203,16 +203,17 @@ impl Operators {
         sum
     }
 
-    /// Σ_j w_ij (x_j − x_i) of a scalar, handed with x_i to `finish(i, x_i, ·, a_i)`.
-    pub fn laplacian<A: Send>(
+    /// out_i = `finish`(x_i, Σ_j w_ij (x_j − x_i), values of the two `given` fields at i, old out_i) of a scalar.
+    pub fn laplacian(
         &self,
         x: &mut [f64],
-        out: &mut [A],
-        finish: impl Fn(usize, f64, f64, &mut A) + Sync,
+        given: [&[f64]; 2],
+        out: &mut [f64],
+        finish: impl Fn(f64, f64, [f64; 2], f64) -> f64 + Sync,
     ) {
         self.sweep(x, |x, part| match &self.form {
-            Form::Rows(pairs) => pairs.laplacian(part, x, out, &finish),
-            Form::Lines(lattice) => lattice.laplacian(part, x, out, &finish),
+            Form::Rows(pairs) => pairs.laplacian(part, x, given, out, &finish),
+            Form::Lines(lattice) => lattice.laplacian(part, x, given, out, &finish),
         });
     }
 

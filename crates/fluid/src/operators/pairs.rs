@@ -90,12 +90,13 @@ impl Pairs {
     }
 
     /// See [`super::Operators::laplacian`].
-    pub fn laplacian<A: Send>(
+    pub fn laplacian(
         &self,
         part: Part,
         x: &[f64],
-        out: &mut [A],
-        finish: &(impl Fn(usize, f64, f64, &mut A) + Sync),
+        [a, b]: [&[f64]; 2],
+        out: &mut [f64],
+        finish: &(impl Fn(f64, f64, [f64; 2], f64) -> f64 + Sync),
     ) {
         let mut none = nothing(out.len());
         self.each(part, (out, &mut none), |i, out, ()| {
@@ -108,7 +109,7 @@ impl Pairs {
             {
                 sum += w * (x[j as usize] - own);
             }
-            finish(i, own, sum, out);
+            *out = finish(own, sum, [a[i], b[i]], *out);
             0.0
         });
     }
