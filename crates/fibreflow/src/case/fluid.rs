@@ -30,6 +30,9 @@ pub struct Fluid {
     /// How viscous terms are advanced in time.
     #[serde(default)]
     pub diffusion: Diffusion,
+    /// How the solver reads pairs of nodes; the answer differs by round-off.
+    #[serde(default)]
+    pub kernels: Kernels,
     /// Mass on meshes other than of axis-parallel hexahedra only.
     #[serde(default)]
     pub mass: Mass,
@@ -67,6 +70,17 @@ pub enum Inertia {
     Linear,
     /// None: at every step the steady Stokes flow of the moment.
     Steady,
+}
+
+/// How the solver reads pairs of nodes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kernels {
+    /// Line by line where the mesh is a tensor product, else from a list of pairs.
+    #[default]
+    Auto,
+    /// From a list of pairs, as on any mesh: to see what the other saves.
+    Rows,
 }
 
 /// What the rate of change of the velocity is multiplied by.

@@ -27,7 +27,8 @@ pub use fibres::{
     Hydrodynamics, Orientation, Placement, PointLoad, Shape, TorqueLaw,
 };
 pub use fluid::{
-    ChannelProfile, Diffusion, Fluid, Forcing, Inertia, Initial, Mass, Poisson, Preconditioner,
+    ChannelProfile, Diffusion, Fluid, Forcing, Inertia, Initial, Kernels, Mass, Poisson,
+    Preconditioner,
 };
 pub use force::PointForce;
 pub use loads::{Coefficients, Loads};

@@ -3,7 +3,7 @@
 use super::boundary::Boundaries;
 use crate::case::{self, CaseError};
 use fibreflow_fluid::{
-    Diffusion, FluidSettings, Forcing, Inertia, Mass, PressurePreconditioner, Projections,
+    Diffusion, FluidSettings, Forcing, Inertia, Kernels, Mass, PressurePreconditioner, Projections,
 };
 use fibreflow_solve::CgSettings;
 
@@ -34,6 +34,10 @@ pub fn settings(
     };
     settings.inertia = inertia;
     settings.hold_mean_velocity = fluid.hold_mean_velocity;
+    settings.kernels = match fluid.kernels {
+        case::Kernels::Auto => Kernels::Auto,
+        case::Kernels::Rows => Kernels::Rows,
+    };
     settings.diffusion = match fluid.diffusion {
         case::Diffusion::Auto => Diffusion::Auto,
         case::Diffusion::Explicit => Diffusion::Explicit,
