@@ -89,7 +89,6 @@ impl Fluid {
         let boundary = Boundary::new(&mesh, &geometry, &settings.boundary)?;
         let operators = Operators::new(&mesh, &geometry, settings.kernels);
         let (total, entries) = (mesh.total(), operators.flux_length());
-        let given = mesh.halo.communicator().any(!boundary.given.is_empty());
         let mut fluid = Self {
             correcting: false,
             creeping: match settings.inertia {
@@ -103,7 +102,7 @@ impl Fluid {
             },
             momentum: Momentum::new(&mesh, &geometry, &boundary)?,
             poisson: Pressure::new(&mesh, &geometry, &operators, &boundary, &settings)?,
-            mismatch: Mismatch::new(given, entries, mesh.owned(), total),
+            mismatch: Mismatch::new(&mesh, &operators, &boundary),
             velocity: vec![[0.0; 4]; total],
             pressure: vec![0.0; total],
             flux: vec![0.0; entries],

@@ -8,6 +8,7 @@ mod diffusion;
 mod error;
 mod fluid;
 pub mod initial;
+mod isolated;
 mod loads;
 mod measure;
 mod mismatch;

@@ -114,17 +114,18 @@ fn plane_poiseuille_shear_is_all_viscous() {
 #[test]
 fn hydrostatic_pressure_carries_the_weight() {
     // Pressure is linear at the nodes where gradients on the boundary are exact, to discretisation error elsewhere.
-    for (element, tolerance) in [
-        (BoxElement::Hexahedron, 1e-7),
-        (BoxElement::Tetrahedron, 1e-2),
+    for (element, cells, tolerance) in [
+        (BoxElement::Hexahedron, [4, 8, 3], 1e-7),
+        (BoxElement::Tetrahedron, [4, 8, 3], 1e-3),
     ] {
-        let mesh = of(element, [1.0, 2.0, 0.5], [4, 8, 3], 0.0);
+        let mesh = of(element, [1.0, 2.0, 0.5], cells, 0.0);
         let mut fluid = fluid_on(&mesh, settings(2.0, 0.5, 1e-12), |_| {
             BoundaryCondition::WALL
         });
         let weight = 2.0 * 9.81;
         fluid.body_force_mut().fill([0.0, -weight, 0.0, 0.0]);
-        for _ in 0..20 {
+        // Long, as errors of the pressure next to walls may set it in growing motion.
+        for _ in 0..100 {
             fluid.advance(0.1).expect("step");
         }
         let loads = fluid.patch_loads([0.5, 1.0, 0.25]);

@@ -122,10 +122,11 @@ fn lid_driven_cavity_settles() {
         };
         assert!((lowest + 0.214).abs() < tolerance, "{lowest}");
         assert!((energy - before).abs() < 0.1 * tolerance * energy);
-        // The corners feed a chequerboard that the velocity does not feel: it must saturate.
-        let grown = pressure_range(&fluid) / pressure - 1.0;
-        println!("highest pressure {pressure:.2}, grown {grown:.1e}");
-        assert!(grown < 0.05, "{grown}");
+        // What the lid takes out of its corners must not pile up in the pressure: of order ν U/h, singular, at rest.
+        let highest = pressure_range(&fluid);
+        let grown = highest / pressure - 1.0;
+        println!("highest pressure {highest:.2}, grown {grown:.1e}");
+        assert!(grown < 1e-3 && highest < 10.0, "{highest} {grown}");
     }
 }
 

@@ -313,6 +313,15 @@ impl Boundary {
         }
     }
 
+    /// Given flux through the boundary of a node at the end of the step \[m³/s\]; zero where none is given.
+    pub fn given_flux(&self, node: u32) -> f64 {
+        let found = self.through.binary_search_by_key(&node, |t| t.0);
+        match found.map(|k| &self.through[k].1) {
+            Ok(Through::Given(flux)) => flux.end,
+            _ => 0.0,
+        }
+    }
+
     /// Given fluxes \[m³/s\] at the end of the last step and one step earlier, by owned node.
     pub fn fluxes(&self, owned: usize) -> Vec<f64> {
         let mut fluxes = vec![0.0; 2 * owned];

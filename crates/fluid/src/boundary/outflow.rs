@@ -7,7 +7,7 @@
 
 use super::{Boundary, BoundaryCondition, GivenFlux, Through, slip_projector};
 use crate::settings::{cross, dot, length};
-use fibreflow_mesh::{BoundaryNode, DualGeometry};
+use fibreflow_mesh::{BoundaryNode, DualGeometry, LocalMesh};
 
 /// Largest U_c Σc Δt; the Runge–Kutta scheme bears 2.5.
 const STABLE: f64 = 1.2;
@@ -94,6 +94,16 @@ impl Boundary {
             stencil: stencil(geometry, node, normal, shares.len() == 1),
             rate: [0.0; 3],
         });
+    }
+
+    /// Marks (total length) of nodes whose velocity is given beforehand and does not follow from the flow. Collective.
+    pub fn prescribed(&self, mesh: &LocalMesh) -> Vec<bool> {
+        let mut marks: Vec<u8> = self.velocity_fixed.iter().map(|&f| u8::from(f)).collect();
+        for node in &self.outflow {
+            marks[self.given[node.given].0 as usize] = 0;
+        }
+        mesh.halo.update(&mut marks);
+        marks.into_iter().map(|mark| mark > 0).collect()
     }
 
     /// This rank has a node of the patch that is a convective outlet.
