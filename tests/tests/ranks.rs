@@ -19,6 +19,16 @@ fn fourth_order_with_either_number_of_pressure_solves_does_not_depend_on_the_ran
     }
 }
 
+/// Thin cells at the walls: diffusion is implicit along lines that are cut between ranks.
+#[test]
+fn diffusion_along_lines_does_not_depend_on_the_ranks() {
+    let thin = "--set=mesh.stretching=[\"uniform\", { tanh = 3.0 }, \"uniform\"]";
+    compare(
+        &["--steps=12", "--set=fluid.viscosity=0.1", thin],
+        8 * 11 * 6,
+    );
+}
+
 #[test]
 fn fibres_in_contact_in_a_channel_do_not_depend_on_the_ranks() {
     compare(&["--steps=40"], 8 * 11 * 6);

@@ -1,4 +1,4 @@
-//! Whether a step takes diffusion explicitly or implicitly.
+//! Whether a step takes diffusion explicitly, implicitly, or implicitly along one direction only.
 
 use crate::{Diffusion, Fluid, Mass};
 
@@ -18,12 +18,18 @@ const CONVECTION_GAIN: f64 = 1.4;
 /// [−viscous number, 0] × [−Courant number, Courant number] i. The ellipse with half axes 2.51 and 1.73 lies in the
 /// stability region of the explicit scheme: diffusion is explicit when the rectangle lies in the ellipse. Corrected mass
 /// stretches its sides by 2 and 1.4.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DiffusionChoice {
     /// True where it was implicit.
     pub implicit: bool,
+    /// Implicit along this axis only (0, 1, 2), explicit along the others.
+    pub along: Option<usize>,
+    /// Implicit by direct solves, not by conjugate gradients.
+    pub direct: bool,
     /// Δt ν max Σ_j (w_ij + |w_ij|)/V_i: bounds the spectrum of Δt ν L.
     pub viscous_number: f64,
+    /// The same of what is explicit: of the other two directions where diffusion is implicit along one.
+    pub explicit_number: f64,
     /// Δt max ½ Σ_j |F_ij|/V_i of the last projected fluxes.
     pub courant_number: f64,
     /// Lumped mass was corrected, see [`Mass`]: not where that would be unstable.
@@ -35,36 +41,32 @@ pub struct DiffusionChoice {
 impl DiffusionChoice {
     /// True when the explicit scheme is stable at these numbers.
     pub fn allows_explicit(&self) -> bool {
+        self.allows(self.viscous_number)
+    }
+
+    /// The same with another viscous number.
+    fn allows(&self, viscous_number: f64) -> bool {
         let square = |x: f64| x * x;
         let [diffusion, convection] = if self.corrected_mass {
             [DIFFUSION_GAIN, CONVECTION_GAIN]
         } else {
             [1.0; 2]
         };
-        square(diffusion * self.viscous_number / REAL_LIMIT)
+        square(diffusion * viscous_number / REAL_LIMIT)
             + square(convection * self.courant_number / IMAGINARY_LIMIT)
             <= 1.0
     }
 }
 
-impl Default for DiffusionChoice {
-    fn default() -> Self {
-        Self {
-            implicit: false,
-            viscous_number: 0.0,
-            courant_number: 0.0,
-            corrected_mass: false,
-            forced: false,
-        }
-    }
-}
-
 impl std::fmt::Display for DiffusionChoice {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let how = if self.implicit {
-            "implicit"
-        } else {
-            "explicit"
+        let how = match (self.implicit, self.along) {
+            (true, Some(axis)) => {
+                ["implicit along x", "implicit along y", "implicit along z"][axis]
+            }
+            (true, None) if self.direct => "implicit, solved directly",
+            (true, None) => "implicit",
+            (false, _) => "explicit",
         };
         let why = match (self.forced, self.allows_explicit()) {
             (true, _) => "as set",
@@ -73,8 +75,9 @@ impl std::fmt::Display for DiffusionChoice {
         };
         write!(
             f,
-            "diffusion {how}: viscous number {:.3}, Courant number {:.3}, {why}{}",
+            "diffusion {how}: viscous number {:.3} ({:.3} explicit), Courant number {:.3}, {why}{}",
             self.viscous_number,
+            self.explicit_number,
             self.courant_number,
             if self.corrected_mass {
                 ", mass corrected"
@@ -88,14 +91,16 @@ impl std::fmt::Display for DiffusionChoice {
 impl Fluid {
     /// The same on every rank: both numbers are largest values over all nodes.
     pub(crate) fn choose_diffusion(&self, dt: f64) -> DiffusionChoice {
+        let viscous_number = dt * self.viscous_rate;
         let mut choice = DiffusionChoice {
-            implicit: false,
-            viscous_number: dt * self.viscous_rate,
+            viscous_number,
+            explicit_number: viscous_number,
             courant_number: dt * self.flux_rate,
             corrected_mass: self.settings.mass == Mass::Corrected
                 && !self.operators.geometry.orthogonal
                 && CONVECTION_GAIN * dt * self.flux_rate <= IMAGINARY_LIMIT,
             forced: self.settings.diffusion != Diffusion::Auto,
+            ..DiffusionChoice::default()
         };
         if self.settings.diffusion == Diffusion::Explicit {
             choice.corrected_mass &= choice.allows_explicit();
@@ -106,10 +111,18 @@ impl Fluid {
             Diffusion::Implicit => true,
         };
         // Without viscosity there is nothing to solve for.
-        DiffusionChoice {
-            implicit: implicit && self.viscous_rate > 0.0,
-            ..choice
+        if !implicit || self.viscous_rate == 0.0 {
+            return choice;
         }
+        (choice.implicit, choice.explicit_number) = (true, 0.0);
+        if let Some(direct) = &self.momentum.direct {
+            let rest = dt * self.settings.kinematic_viscosity() * direct.rest();
+            if !choice.forced && choice.allows(rest) {
+                (choice.along, choice.explicit_number) = (Some(direct.axis()), rest);
+            }
+            choice.direct = choice.along.is_some() || direct.cheap;
+        }
+        choice
     }
 
     /// ν max Σ_j (w_ij + |w_ij|)/V_i \[1/s\] over all nodes: twice the largest ν Σ w/V where no weight is negative.

@@ -47,7 +47,8 @@ pub struct Fluid {
     pub(crate) body_force: Vec<[f64; 4]>,
     /// Uniform driving force −∇P \[Pa/m\] (x, y, z).
     pub(crate) driving: [f64; 3],
-    /// What constrained nodes gave to the boundary in the last step, ρ⁻¹ × impulse \[m⁴/s\], by constraint.
+    /// What constrained nodes gave to the boundary in the last step, ρ⁻¹ × impulse \[m⁴/s\], by constraint; in the
+    /// fourth place the pressure there, times Δt \[m²/s\].
     pub(crate) reaction: Vec<[f64; 4]>,
     /// Time \[s\], for what changes in time on the boundary.
     pub(crate) time: f64,

@@ -73,8 +73,13 @@ impl Fluid {
         let mut numbers = vec![0.0; PatchLoad::LENGTH * self.mesh.patches.len()];
         if self.last_dt > 0.0 && self.steps > 0 {
             for (constraint, reaction) in self.boundary.constraints.iter().zip(&self.reaction) {
-                let [x, y, z, _] = reaction.map(|r| r / self.last_dt);
-                self.add_forces(constraint.node, [x, y, z], about, &mut numbers);
+                let [x, y, z, mean] = reaction.map(|r| r / self.last_dt);
+                let node = constraint.node;
+                let pressure = match self.creeping {
+                    Some(_) => self.pressure[node as usize],
+                    None => mean,
+                };
+                self.add_forces((node, pressure), [x, y, z], about, &mut numbers);
             }
         }
         for &(i, through) in &self.boundary.through {
@@ -95,8 +100,14 @@ impl Fluid {
     }
 
     /// Kinematic forces at a constrained node: its pressure, and the reaction divided among its patches.
-    fn add_forces(&self, node: u32, reaction: [f64; 3], about: [f64; 3], numbers: &mut [f64]) {
-        let (x, pressure) = (self.mesh.nodes[node as usize], self.pressure[node as usize]);
+    fn add_forces(
+        &self,
+        (node, pressure): (u32, f64),
+        reaction: [f64; 3],
+        about: [f64; 3],
+        numbers: &mut [f64],
+    ) {
+        let x = self.mesh.nodes[node as usize];
         let arm = [0, 1, 2].map(|c| x[c] - about[c]);
         let mut add = |patch: u16, slot: usize, force: [f64; 3]| {
             let at = PatchLoad::LENGTH * patch as usize + slot;

@@ -15,7 +15,7 @@ use fibreflow_solve::{
 ///
 /// Products with eigenvectors were measured at 35 operations a nanosecond (AVX2, one thread), CG–AMG at 0.8 µs a node or
 /// more on tensor-product meshes: this is half of it, as setting up takes n³ operations a direction as well.
-const DEAREST_DIRECT: f64 = 15000.0;
+pub(crate) const DEAREST_DIRECT: f64 = 15000.0;
 
 /// What the pressure equation needs besides the flow.
 pub(crate) struct Pressure {

@@ -4,10 +4,11 @@
 //! |---|---|
 //! | explicit | u^k = u^(k−1) + Δt [γ_k H(u^(k−1)) + ζ_k H(u^(k−2)) + α_k (f/ρ + g − G p)],  H(u) = −C(F)u/V + ν L u |
 //! | implicit | the same with H(u) = −C(F)u/V, and + ½ α_k Δt ν L (u^(k−1) + u^k) |
+//! | implicit along one axis | the same with L split: L along the axis in the last term, the rest of it in H |
 //!
-//! The convecting flux F is frozen at the middle of the step, extrapolated from the last two projected fluxes: it is
-//! solenoidal, so the operator is skew-symmetric in every sub-step and the Runge–Kutta scheme can only damp kinetic energy
-//! below its stability limit. A steady state does not depend on Δt: the increments vanish together. Where mass is corrected,
+//! With one projection a step the convecting flux F is frozen at the middle of the step, extrapolated from the last two
+//! projected fluxes; with three it is that of the sub-step before. It is solenoidal, so the operator is skew-symmetric in
+//! every sub-step and the Runge–Kutta scheme can only damp kinetic energy below its stability limit. A steady state does not depend on Δt: the increments vanish together. Where mass is corrected,
 //! [`mass`] says how the increment follows from the right-hand side.
 
 use crate::boundary::{Boundary, Through};
@@ -16,11 +17,14 @@ use crate::rows::{self, nothing};
 use crate::{Fluid, FluidError};
 use fibreflow_mesh::{DualGeometry, LocalMesh};
 use fibreflow_parallel::block_sums;
-use fibreflow_solve::{CgSettings, ConjugateGradients, Helmholtz, Jacobi, NullSpace, PairMatrix};
+use fibreflow_solve::{CgSettings, ConjugateGradients, Jacobi, PairMatrix};
+use std::sync::Arc;
 
+mod direct;
+mod implicit;
 mod mass;
 mod operator;
-use operator::Confined;
+use direct::DirectDiffusion;
 
 /// Weights of the newest and of the older rate of change, and their sum (Spalart, Moser & Rogers 1991).
 pub(crate) const SUB_STEPS: [SubStep; 3] = [
@@ -57,6 +61,8 @@ pub(crate) struct Momentum {
     matrix: PairMatrix,
     jacobi: Jacobi,
     krylov: ConjugateGradients<[f64; 4]>,
+    /// Direct solves of implicit diffusion, where they are possible.
+    pub(crate) direct: Option<DirectDiffusion>,
     /// Owned: V (f/ρ + g − G p) \[m⁴/s²\].
     pub(crate) source: Vec<[f64; 4]>,
     /// Owned: V H(u) of the newest sub-step \[m⁴/s²\].
@@ -71,7 +77,7 @@ pub(crate) struct Momentum {
 impl Momentum {
     pub fn new(
         mesh: &LocalMesh,
-        geometry: &DualGeometry,
+        geometry: &Arc<DualGeometry>,
         boundary: &Boundary,
     ) -> Result<Self, FluidError> {
         let matrix =
@@ -86,6 +92,7 @@ impl Momentum {
             jacobi: Jacobi::new(&matrix),
             matrix,
             krylov: ConjugateGradients::new(),
+            direct: DirectDiffusion::new(mesh, geometry, boundary),
             source: owned.clone(),
             rate: owned,
             next: total.clone(),
@@ -104,6 +111,7 @@ impl Fluid {
             return Err(FluidError::TimeStep(dt));
         }
         let diffusion = self.choose_diffusion(dt);
+        self.prepare_diffusion(&diffusion)?;
         self.drive(self.time + 0.5 * dt);
         self.correcting = diffusion.corrected_mass;
         self.extrapolate_flux(dt);
@@ -169,9 +177,13 @@ impl Fluid {
     ) -> Result<usize, FluidError> {
         let (step, passed) = (&SUB_STEPS[k], PASSED[k] * dt);
         if diffusion.implicit {
-            self.explicit_part(step, dt);
+            if diffusion.along.is_some() {
+                self.explicit_part_of_lines(step, dt);
+            } else {
+                self.explicit_part(step, dt);
+            }
             self.move_boundary(passed, step, dt);
-            self.implicit_part(step, dt, settings)
+            self.implicit_part(step, dt, diffusion, settings)
         } else {
             self.explicit_sub_step(step, dt, passed);
             Ok(0)
@@ -297,6 +309,45 @@ impl Fluid {
             },
         );
         self.flow_through(gamma, false);
+        self.confine_explicit_part();
+    }
+
+    /// As [`Fluid::explicit_part`] where diffusion is implicit along lines: across them it goes with convection.
+    fn explicit_part_of_lines(&mut self, step: &SubStep, dt: f64) {
+        let nu = self.settings.kinematic_viscosity();
+        let (gamma, zeta, alpha) = (dt * step.gamma, dt * step.zeta, dt * step.alpha);
+        let Momentum {
+            direct,
+            source,
+            rate,
+            next,
+            increment,
+            ..
+        } = &mut self.momentum;
+        let source = &*source;
+        // −V L u along the lines, in a place that is free until the solve.
+        if let Some(direct) = direct {
+            direct.multiply(&mut self.velocity, &mut increment[..source.len()]);
+        }
+        let along = &increment[..source.len()];
+        self.operators.convection_diffusion(
+            &self.flux_other,
+            &mut self.velocity,
+            (&mut rate[..], &mut next[..source.len()]),
+            |i, _, convected, diffused, rate, rhs| {
+                for c in 0..4 {
+                    let new = convected[c] + nu * (diffused[c] + along[i][c]);
+                    let implicit = source[i][c] - nu * along[i][c];
+                    rhs[c] = gamma * new + zeta * rate[c] + alpha * implicit;
+                    rate[c] = new;
+                }
+            },
+        );
+        self.flow_through(gamma, false);
+        self.confine_explicit_part();
+    }
+
+    fn confine_explicit_part(&mut self) {
         let rhs = &mut self.momentum.next;
         for (constraint, reaction) in self.boundary.constraints.iter().zip(&mut self.reaction) {
             let rhs = &mut rhs[constraint.node as usize];
@@ -304,132 +355,6 @@ impl Fluid {
             (0..4).for_each(|c| reaction[c] += rhs[c] - admitted[c]);
             *rhs = admitted;
         }
-    }
-
-    /// Solves (V − ½ α Δt ν V L) δ = rhs, once more with the lumping error of the answer where mass is corrected, and
-    /// adds δ to the velocity (owned entries).
-    fn implicit_part(
-        &mut self,
-        step: &SubStep,
-        dt: f64,
-        settings: &CgSettings,
-    ) -> Result<usize, FluidError> {
-        let coefficient = 0.5 * step.alpha * dt * self.settings.kinematic_viscosity();
-        self.lift_shift(coefficient);
-        let mut iterations = self.viscous_solve(coefficient, settings)?;
-        if self.correcting {
-            self.correct_right_side();
-            // Zero at given nodes, as what is solved for.
-            self.boundary.put_zero(&mut self.momentum.increment);
-            iterations += self.viscous_solve(coefficient, settings)?;
-        }
-        self.close_balance(coefficient);
-        self.book_shift();
-        let increment = &self.momentum.increment;
-        let owned = self.mesh.owned();
-        rows::each(&mut self.velocity[..owned], |i, u| {
-            (0..3).for_each(|c| u[c] += increment[i][c]);
-        });
-        Ok(iterations)
-    }
-
-    /// Changes of given velocities into the right-hand side; the increment becomes zero.
-    fn lift_shift(&mut self, coefficient: f64) {
-        let Momentum {
-            matrix,
-            next,
-            increment,
-            ..
-        } = &mut self.momentum;
-        increment.fill([0.0; 4]);
-        if self.boundary.moves {
-            let helmholtz = Helmholtz {
-                matrix,
-                mass: self.operators.volumes(),
-                coefficient,
-            };
-            self.boundary.put_shift(increment);
-            self.mesh.halo.update(increment);
-            helmholtz.lift(increment, next);
-            self.boundary.put_zero(next);
-            increment.fill([0.0; 4]);
-        }
-    }
-
-    /// Increment from the right-hand side, given values put in; starts from the increment, zero at given nodes.
-    fn viscous_solve(
-        &mut self,
-        coefficient: f64,
-        settings: &CgSettings,
-    ) -> Result<usize, FluidError> {
-        let volumes = self.operators.volumes();
-        let Momentum {
-            matrix,
-            jacobi,
-            krylov,
-            next,
-            increment,
-            ..
-        } = &mut self.momentum;
-        let helmholtz = Helmholtz {
-            matrix,
-            mass: volumes,
-            coefficient,
-        };
-        jacobi.update(helmholtz.diagonal());
-        let operator = Confined {
-            helmholtz,
-            constraints: &self.boundary.constraints,
-        };
-        let rhs = &next[..volumes.len()];
-        let solve = krylov.solve(&operator, jacobi, rhs, increment, settings, NullSpace::None);
-        let solve = solve.map_err(|source| self.solve_failed("momentum", source))?;
-        if self.boundary.moves {
-            let increment = &mut self.momentum.increment;
-            self.boundary.put_shift(increment);
-            self.mesh.halo.update(increment);
-        }
-        Ok(solve.iterations)
-    }
-
-    /// Momentum that boundaries gave to nodes whose velocity they changed.
-    fn book_shift(&mut self) {
-        if !self.boundary.moves {
-            return;
-        }
-        let volumes = self.operators.volumes();
-        for (constraint, reaction) in self.boundary.constraints.iter().zip(&mut self.reaction) {
-            let i = constraint.node as usize;
-            let increment = self.momentum.increment[i];
-            let admitted = constraint.admit(increment);
-            (0..3).for_each(|c| reaction[c] -= volumes[i] * (increment[c] - admitted[c]));
-        }
-    }
-
-    /// Momentum that the implicit part of diffusion gave to constrained nodes; without any, the mean of the increment
-    /// is set to what was put in, so that momentum does not depend on the tolerance of the solve.
-    fn close_balance(&mut self, coefficient: f64) {
-        let increment = &mut self.momentum.increment;
-        for (constraint, reaction) in self.boundary.constraints.iter().zip(&mut self.reaction) {
-            let i = constraint.node as usize;
-            let diffused = self.operators.diffusion_row(increment, i);
-            let admitted = constraint.admit(diffused);
-            (0..3).for_each(|c| reaction[c] += coefficient * (diffused[c] - admitted[c]));
-        }
-        if !self.boundary.unconstrained {
-            return;
-        }
-        let (rhs, volumes) = (&self.momentum.next, self.operators.volumes());
-        let mut missing = block_sums::<3>(volumes.len(), |range| {
-            range.fold([0.0; 3], |s, i| {
-                std::array::from_fn(|c| s[c] + (rhs[i][c] - volumes[i] * increment[i][c]))
-            })
-        });
-        self.mesh.halo.communicator().sum_slice(&mut missing);
-        let shift = missing.map(|m| m / self.operators.geometry.total_volume);
-        rows::each(increment, |_, increment| {
-            (0..3).for_each(|c| increment[c] += shift[c]);
-        });
     }
 
     /// Adds the uniform velocity that brings the mean to its target, and learns the driving force from it.
@@ -471,7 +396,7 @@ impl Fluid {
 
     /// Relative tolerance as set; absolute where the increment is round-off of the velocity itself.
     pub(crate) fn viscous_tolerance(&self, diffusion: &DiffusionChoice) -> CgSettings {
-        if !diffusion.implicit {
+        if !diffusion.implicit || diffusion.direct {
             return self.settings.momentum;
         }
         let (velocity, volumes) = (&self.velocity, self.operators.volumes());
@@ -496,6 +421,6 @@ impl Fluid {
 pub struct Prediction {
     /// How diffusion was advanced.
     pub diffusion: DiffusionChoice,
-    /// Conjugate-gradient iterations of the viscous solves.
+    /// Conjugate-gradient iterations of the viscous solves, one where they are direct.
     pub iterations: [usize; 3],
 }

@@ -68,11 +68,19 @@ impl Fluid {
     /// Cleans the velocity of a step of `dt` \[s\] whose last pressure acted over `span`, and lets time pass.
     pub(crate) fn finish_step(&mut self, dt: f64, span: f64) {
         (0..self.settings.cleaning_cycles).for_each(|_| self.clean(span));
+        self.book_pressure(span);
         self.time += dt;
         self.last_dt = dt;
         self.steps += 1;
         self.impose_boundary();
         self.mesh.halo.update(&mut self.velocity);
+    }
+
+    /// Books that the pressure at constrained nodes has acted for `span` \[s\].
+    pub(crate) fn book_pressure(&mut self, span: f64) {
+        for (constraint, reaction) in self.boundary.constraints.iter().zip(&mut self.reaction) {
+            reaction[3] += span * self.pressure[constraint.node as usize];
+        }
     }
 
     /// −(Σ F* + F_b) into the right-hand side; the tolerance that goes with it.

@@ -15,6 +15,8 @@ impl Fluid {
             return Err(FluidError::TimeStep(dt));
         }
         let diffusion = self.choose_diffusion(dt);
+        self.prepare_diffusion(&diffusion)?;
+        self.drive(self.time + 0.5 * dt);
         self.correcting = diffusion.corrected_mass;
         if self.steps == 0 {
             self.boundary.begin_step(0.0);
@@ -48,6 +50,7 @@ impl Fluid {
             report.poisson_iterations += solve.iterations;
             report.poisson_residual = solve.residual;
             if k + 1 < SUB_STEPS.len() {
+                self.book_pressure(span);
                 self.impose_boundary();
             }
         }

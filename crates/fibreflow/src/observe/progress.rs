@@ -13,7 +13,7 @@ pub struct Progress {
     start: f64,
     shown: f64,
     shown_step: u64,
-    implicit: Option<bool>,
+    implicit: Option<(bool, Option<usize>)>,
 }
 
 impl Progress {
@@ -48,7 +48,7 @@ impl Progress {
 
     /// A note in the log when diffusion is advanced in another way than in the steps before.
     pub fn note_diffusion(&mut self, clock: &Clock, figures: &Figures, log: &mut Log) {
-        let implicit = figures.diffusion.map(|choice| choice.implicit);
+        let implicit = figures.diffusion.map(|c| (c.implicit, c.along));
         if let Some(choice) = figures.diffusion
             && implicit != self.implicit
         {
