@@ -59,9 +59,15 @@ impl Fluid {
         );
         // u, source, V⁻¹, rate read and written, next.
         let moved = 32.0 + 32.0 + 8.0 + 64.0 + 32.0 + fluxes + weights;
+        let corrected = std::mem::replace(&mut self.correcting, false);
         add("convection and diffusion", 3, moved, &mut || {
             self.explicit_sub_step(&SUB_STEPS[0], 0.0, 0.0);
         });
+        if corrected {
+            // x, V⁻¹, u, u + δ; indices and masses.
+            let moved = 32.0 + 8.0 + 32.0 + 32.0 + 8.0 * entries;
+            add("correction of mass", 3, moved, &mut || self.correct_step());
+        }
         add("divergence", 1, 32.0 + 8.0 + faces, &mut || {
             let rhs = &mut self.poisson.rhs;
             let mut none = nothing(rhs.len());

@@ -93,8 +93,8 @@ pub struct DualGeometry {
     /// ∮∇φ·dS ≈ Σ_j w_ij (φ_j − φ_i).
     pub faces: Vec<[f64; 4]>,
     /// Mass couplings m_ij = ∫N_i N_j \[m³\], m_ij = m_ji bitwise: Σ_j m_ij = V_i with the node itself and its images.
-    /// Empty where pairs are two-point.
-    pub masses: Vec<f64>,
+    /// Empty where pairs are two-point. In single precision: Σ_j m_ij (x_i − x_j) conserves whatever their last digits.
+    pub masses: Vec<f32>,
     /// x_j + shift − x_i \[m\].
     pub displacements: Vec<[f64; 3]>,
     /// Dual volumes \[m³\] of owned and halo nodes.

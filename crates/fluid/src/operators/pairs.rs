@@ -129,7 +129,7 @@ impl Pairs {
             let own = x[i];
             let mut sum = [0.0; 4];
             for (&j, m) in self.geometry.columns[range].iter().zip(masses) {
-                let other = x[j as usize];
+                let (other, m) = (x[j as usize], f64::from(*m));
                 (0..4).for_each(|c| sum[c] += m * (own[c] - other[c]));
             }
             finish(i, own, sum, out);

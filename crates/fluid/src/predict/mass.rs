@@ -17,7 +17,7 @@ use crate::Fluid;
 
 impl Fluid {
     /// Takes increments x in `momentum.next` and leaves u + δ there.
-    pub(super) fn correct_step(&mut self) {
+    pub(crate) fn correct_step(&mut self) {
         self.confine_increment();
         std::mem::swap(&mut self.momentum.next, &mut self.momentum.increment);
         let inverse = self.operators.inverse_volumes();

@@ -81,7 +81,7 @@ pub fn conserved_energy(fluid: &Fluid) -> f64 {
             for c in 0..3 {
                 let share = |e: usize| {
                     let j = geometry.columns[e] as usize;
-                    geometry.masses[e] * (old[i][c] - old[j][c])
+                    f64::from(geometry.masses[e]) * (old[i][c] - old[j][c])
                 };
                 let error = geometry.row(i).map(share).sum::<f64>() / volumes[i];
                 y[c] += (u[i][c] - old[i][c] - error) / 1.5;

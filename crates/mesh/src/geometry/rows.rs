@@ -19,7 +19,7 @@ pub(super) struct Rows {
     pub columns: Vec<u32>,
     pub images: Vec<Image>,
     pub faces: Vec<[f64; 4]>,
-    pub masses: Vec<f64>,
+    pub masses: Vec<f32>,
     pub displacements: Vec<[f64; 3]>,
     pub volumes: Vec<f64>,
     pub self_pairs: Vec<(u32, Image, [f64; 4])>,
@@ -244,7 +244,7 @@ impl<'a> Assembly<'a> {
                 block.images.push(image);
                 block.faces.push(face);
                 if self.form == Form::Galerkin {
-                    block.masses.push(mass);
+                    block.masses.push(mass as f32);
                 }
                 block.displacements.push(d);
             }
