@@ -3,12 +3,11 @@
 use crate::boundary::Boundary;
 use crate::operators::Operators;
 use crate::polynomial::Polynomial;
-use crate::rows;
 use crate::{FluidError, FluidSettings, PressurePreconditioner, Projections};
 use fibreflow_mesh::{DualGeometry, LocalMesh};
 use fibreflow_solve::{
-    Amg, AmgSettings, CgSettings, ConjugateGradients, Direct, Jacobi, NullSpace, PairMatrix,
-    Preconditioner, SolveError,
+    Amg, AmgSettings, CgSettings, ConjugateGradients, Deflation, DeflationSettings, Direct, Jacobi,
+    NullSpace, PairMatrix, PastSolutions, Preconditioner, SolveError,
 };
 
 /// Operations of a direct solve, by node, above which `Auto` takes multigrid.
@@ -28,8 +27,6 @@ pub(crate) struct Pressure {
     pub psi: Vec<f64>,
     /// Owned: minus the divergence of F* \[m³/s\].
     pub rhs: Vec<f64>,
-    /// Owned: ψ/Δt² of the last projection and of the one before, for the initial guess; zero with direct solves.
-    pub rates: [Vec<f64>; 2],
 }
 
 enum Solver {
@@ -37,8 +34,13 @@ enum Solver {
     Iterative {
         preconditioner: Box<dyn Preconditioner<f64> + Send + Sync>,
         krylov: Box<ConjugateGradients<f64>>,
+        past: Box<PastSolutions>,
     },
 }
+
+/// Past solutions that the initial guess is made of. On a turbulent channel four save 1.3 to 1.8 of 11 iterations to 1e-8
+/// against extrapolation in time, and as many more save little.
+pub(crate) const PAST: usize = 4;
 
 /// How a projection went.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -69,20 +71,27 @@ impl Pressure {
             PressurePreconditioner::Auto | PressurePreconditioner::Direct => {
                 try_direct(mesh, geometry, boundary, preconditioner)?
             }
-            PressurePreconditioner::Amg | PressurePreconditioner::Jacobi => {
-                (None, PressureReason::AsSet)
-            }
+            PressurePreconditioner::Amg
+            | PressurePreconditioner::Deflation
+            | PressurePreconditioner::Jacobi => (None, PressureReason::AsSet),
         };
         let directions = direct.as_ref().map(|direct| direct.describe());
         let (solver, used) = match (direct, preconditioner) {
             (Some(direct), _) => (Solver::Direct(direct), PressurePreconditioner::Direct),
             (None, PressurePreconditioner::Jacobi) => (
-                Solver::iterative(Jacobi::new(&matrix)),
+                Solver::iterative(mesh, Jacobi::new(&matrix)),
                 PressurePreconditioner::Jacobi,
             ),
+            (None, PressurePreconditioner::Deflation) => {
+                let deflation = Deflation::new(&matrix, DeflationSettings::default());
+                (
+                    Solver::iterative(mesh, deflation.map_err(failed)?),
+                    PressurePreconditioner::Deflation,
+                )
+            }
             (None, _) => {
                 let amg = Amg::new(&matrix, AmgSettings::default()).map_err(failed)?;
-                (Solver::iterative(amg), PressurePreconditioner::Amg)
+                (Solver::iterative(mesh, amg), PressurePreconditioner::Amg)
             }
         };
         let null_space = if matrix.is_singular() {
@@ -90,7 +99,6 @@ impl Pressure {
         } else {
             NullSpace::None
         };
-        let owned = vec![0.0; mesh.owned()];
         Ok(Self {
             solver,
             choice: PressureChoice {
@@ -107,40 +115,46 @@ impl Pressure {
             matrix,
             null_space,
             psi: vec![0.0; mesh.total()],
-            rhs: owned.clone(),
-            rates: [owned.clone(), owned],
+            rhs: vec![0.0; mesh.owned()],
         })
     }
 
-    fn is_direct(&self) -> bool {
-        matches!(self.solver, Solver::Direct(_))
+    /// Past solutions, where they are of use.
+    pub fn past(&self) -> Option<&PastSolutions> {
+        match &self.solver {
+            Solver::Direct(_) => None,
+            Solver::Iterative { past, .. } => Some(past),
+        }
+    }
+
+    /// As [`Pressure::past`], to be restored.
+    pub fn past_mut(&mut self) -> Option<&mut PastSolutions> {
+        match &mut self.solver {
+            Solver::Direct(_) => None,
+            Solver::Iterative { past, .. } => Some(past),
+        }
     }
 
     /// Clears the history of the initial guess.
     pub fn forget(&mut self) {
-        self.rates.iter_mut().for_each(|rate| rate.fill(0.0));
+        if let Some(past) = self.past_mut() {
+            past.clear();
+        }
     }
 
-    /// ψ from the last two: s (2 r^n − r^(n−1)), r = ψ/s with `scale` s = Δt² \[s²\], or what replaces it in a sub-step.
-    /// Direct solves need no guess.
-    pub fn guess(&mut self, scale: f64) {
-        if self.is_direct() {
-            return;
+    /// ψ from past solutions for the right-hand side. Direct solves need no guess. Collective.
+    pub fn guess(&mut self) {
+        if let Solver::Iterative { past, .. } = &mut self.solver {
+            past.guess(&self.rhs, &mut self.psi);
         }
-        let [new, old] = &self.rates;
-        rows::each(&mut self.psi[..new.len()], |i, psi| {
-            *psi = scale * (2.0 * new[i] - old[i]);
-        });
     }
 
-    pub fn remember(&mut self, scale: f64) {
-        if self.is_direct() {
-            return;
+    /// Takes the solution for guesses to come, after [`Pressure::guess`] and a solve that did not find it good enough.
+    /// Collective.
+    pub fn remember(&mut self) {
+        if let Solver::Iterative { past, .. } = &mut self.solver {
+            past.remember(&self.rhs, &self.psi);
         }
-        let [new, old] = &mut self.rates;
-        std::mem::swap(new, old);
-        let (inverse, psi) = (scale.recip(), &self.psi);
-        rows::each(new, |i, rate| *rate = inverse * psi[i]);
     }
 
     /// ψ of the right-hand side, halo entries up to date. One application of the exact inverse is the answer to round-off:
@@ -158,6 +172,7 @@ impl Pressure {
             Solver::Iterative {
                 preconditioner,
                 krylov,
+                ..
             } => {
                 let report = krylov.solve(
                     &self.matrix,
@@ -177,10 +192,15 @@ impl Pressure {
 }
 
 impl Solver {
-    fn iterative(preconditioner: impl Preconditioner<f64> + Send + Sync + 'static) -> Self {
+    fn iterative(
+        mesh: &LocalMesh,
+        preconditioner: impl Preconditioner<f64> + Send + Sync + 'static,
+    ) -> Self {
+        let past = PastSolutions::new(mesh.halo.communicator(), mesh.owned(), PAST);
         Self::Iterative {
             preconditioner: Box::new(preconditioner),
             krylov: Box::new(ConjugateGradients::new()),
+            past: Box::new(past),
         }
     }
 }
@@ -285,6 +305,9 @@ impl std::fmt::Display for PressureChoice {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match (self.preconditioner, &self.directions) {
             (_, Some(directions)) => write!(f, "pressure solved directly ({directions})")?,
+            (PressurePreconditioner::Deflation, None) => {
+                f.write_str("pressure by conjugate gradients with deflation")?;
+            }
             (PressurePreconditioner::Jacobi, None) => {
                 f.write_str("pressure by conjugate gradients with the diagonal")?;
             }

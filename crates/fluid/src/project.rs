@@ -26,7 +26,7 @@ impl Fluid {
     /// # Errors
     /// A pressure solve that fails.
     pub fn project(&mut self, dt: f64) -> Result<Projection, FluidError> {
-        let report = self.make_solenoidal(dt, dt, dt)?;
+        let report = self.make_solenoidal(dt, dt)?;
         if dt > 0.0 {
             self.finish_step(dt, dt);
         } else {
@@ -37,31 +37,25 @@ impl Fluid {
     }
 
     /// Fluxes of the predicted velocity made solenoidal, velocity and pressure corrected; the velocity is valid on owned
-    /// nodes. The pressure acts over `span` \[s\] of a step of `dt` and belongs to a time `lead` later than the one before.
-    pub(crate) fn make_solenoidal(
-        &mut self,
-        span: f64,
-        lead: f64,
-        dt: f64,
-    ) -> Result<Projection, FluidError> {
+    /// nodes. The pressure acts over `span` \[s\] of a step of `dt`.
+    pub(crate) fn make_solenoidal(&mut self, span: f64, dt: f64) -> Result<Projection, FluidError> {
         self.find_mismatch(dt);
         let settings = self.predicted_divergence();
-        self.poisson.guess(span * lead);
         let pulses = self.boundary.pulses && span > 0.0;
         if pulses {
             self.lift_outlets(span);
-            self.poisson.guess(span * lead);
             self.zero_outlets();
         }
+        self.poisson.guess();
         let solve = self.poisson.solve(&settings);
         let report = solve.map_err(|source| self.solve_failed("pressure", source))?;
+        if span > 0.0 && report.iterations > 0 {
+            self.poisson.remember();
+        }
         if pulses {
             self.put_outlets(span);
         }
         self.correct(span);
-        if span > 0.0 {
-            self.poisson.remember(span * lead);
-        }
         Ok(report)
     }
 

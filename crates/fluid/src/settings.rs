@@ -108,6 +108,8 @@ pub enum PressurePreconditioner {
     Direct,
     /// Aggregation multigrid.
     Amg,
+    /// Subdomain deflation: the diagonal, and long waves by groups of nodes.
+    Deflation,
     /// The diagonal.
     Jacobi,
 }

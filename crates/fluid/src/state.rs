@@ -1,5 +1,6 @@
 //! What a checkpoint holds, and the search for values that are not finite.
 
+use crate::poisson::PAST;
 use crate::{Fluid, FluidError};
 use fibreflow_parallel::block_sum;
 use fibreflow_solve::SolveError;
@@ -17,7 +18,8 @@ pub struct FluidState {
 
 const VELOCITY: &str = "fluid.velocity";
 const PRESSURE: &str = "fluid.pressure";
-const RATES: [&str; 2] = ["fluid.pressure_rate", "fluid.pressure_rate_previous"];
+/// What the initial guess of the pressure solve is made of; none with direct solves.
+const PAST_PRESSURE: &str = "fluid.pressure_past";
 /// At the end of the last step and one step earlier.
 const THROUGH: &str = "fluid.boundary_flux";
 const FLUX: &str = "fluid.flux";
@@ -56,6 +58,10 @@ impl FluidState {
     }
 }
 
+fn past_scalar(number: usize) -> String {
+    format!("{PAST_PRESSURE}_{number}")
+}
+
 fn problem(name: &str, problem: &str) -> FluidError {
     FluidError::State {
         name: name.into(),
@@ -69,7 +75,6 @@ impl Fluid {
         let owned = self.mesh.owned();
         let velocity = &self.velocity[..owned];
         let node = |name: &str, values: &[f64]| (name.to_owned(), 1, values[..owned].to_vec());
-        let [new, old] = &self.poisson.rates;
         let components = velocity.iter().flat_map(|u| [u[0], u[1], u[2]]).collect();
         let mut scalars = vec![
             (TIME.to_owned(), self.time),
@@ -81,9 +86,13 @@ impl Fluid {
         let mut fields = vec![
             (VELOCITY.to_owned(), 3, components),
             node(PRESSURE, &self.pressure),
-            node(RATES[0], new),
-            node(RATES[1], old),
         ];
+        if let Some(past) = self.poisson.past() {
+            let (nodes, others) = past.state();
+            fields.push((PAST_PRESSURE.to_owned(), PAST, nodes));
+            let named = others.into_iter().enumerate();
+            scalars.extend(named.map(|(k, value)| (past_scalar(k), value)));
+        }
         if self.boundary.moves {
             fields.push((THROUGH.to_owned(), 2, self.boundary.fluxes(owned)));
         }
@@ -110,10 +119,9 @@ impl Fluid {
         let owned = self.mesh.owned();
         let velocity = state.node(VELOCITY, 3, owned)?;
         let pressure = state.node(PRESSURE, 1, owned)?;
-        let rates = [
-            state.node(RATES[0], 1, owned)?,
-            state.node(RATES[1], 1, owned)?,
-        ];
+        let past = self.poisson.past();
+        let past = past.map(|_| state.node(PAST_PRESSURE, PAST, owned));
+        let past = past.transpose()?;
         let flux = state.pair(FLUX, entries)?;
         let flux_previous = state.pair(FLUX_PREVIOUS, entries)?;
         let (last_dt, steps) = (state.scalar(LAST_DT)?, state.scalar(STEPS)?);
@@ -129,8 +137,9 @@ impl Fluid {
             *u = [v[0], v[1], v[2], 0.0];
         }
         self.pressure[..owned].copy_from_slice(pressure);
-        for (rate, stored) in self.poisson.rates.iter_mut().zip(rates) {
-            rate.copy_from_slice(stored);
+        if let (Some(nodes), Some(past)) = (past, self.poisson.past_mut()) {
+            let others = (0..).map_while(|k| state.scalar(&past_scalar(k)).ok());
+            past.restore(nodes, &others.collect::<Vec<_>>());
         }
         self.operators.take_entries(flux, &mut self.flux);
         self.operators

@@ -30,12 +30,6 @@ impl Fluid {
         };
         let (mut start, mut span) = (0.0, 0.0);
         for k in 0..SUB_STEPS.len() {
-            // The lead of this pressure over the one before: both belong to the middle of their sub-steps.
-            let before = if k == 0 {
-                SUB_STEPS[2].alpha * dt
-            } else {
-                span
-            };
             span = SUB_STEPS[k].alpha * dt;
             std::mem::swap(&mut self.flux, &mut self.flux_other);
             self.boundary.begin_step(0.0);
@@ -46,7 +40,7 @@ impl Fluid {
             }
             self.end_boundary(self.time + start + 0.5 * span)?;
             start = PASSED[k] * dt;
-            let solve = self.make_solenoidal(span, 0.5 * (before + span), dt)?;
+            let solve = self.make_solenoidal(span, dt)?;
             report.poisson_iterations += solve.iterations;
             report.poisson_residual = solve.residual;
             if k + 1 < SUB_STEPS.len() {

@@ -14,6 +14,7 @@ mod helmholtz;
 mod matrix;
 mod merge;
 mod operator;
+mod past;
 mod value;
 mod vectors;
 
@@ -25,4 +26,5 @@ pub use error::SolveError;
 pub use helmholtz::Helmholtz;
 pub use matrix::PairMatrix;
 pub use operator::{Jacobi, LinearOperator, Preconditioner};
+pub use past::PastSolutions;
 pub use value::Value;

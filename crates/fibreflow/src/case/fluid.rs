@@ -244,6 +244,8 @@ pub enum Preconditioner {
     Direct,
     /// Conjugate gradients with algebraic multigrid by aggregation.
     Amg,
+    /// Conjugate gradients with the diagonal, and groups of nodes for long waves (subdomain deflation).
+    Deflation,
     /// Conjugate gradients with the diagonal.
     Jacobi,
 }

@@ -62,6 +62,7 @@ pub fn settings(
         case::Preconditioner::Auto => PressurePreconditioner::Auto,
         case::Preconditioner::Direct => PressurePreconditioner::Direct,
         case::Preconditioner::Amg => PressurePreconditioner::Amg,
+        case::Preconditioner::Deflation => PressurePreconditioner::Deflation,
         case::Preconditioner::Jacobi => PressurePreconditioner::Jacobi,
     };
     Ok(settings)
