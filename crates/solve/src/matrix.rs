@@ -177,6 +177,19 @@ impl PairMatrix {
         matrix
     }
 
+    /// The same matrix with owned row `order[i]` at place i, `order` being its own inverse; rows that other ranks know
+    /// must stay. Of one without couplings to fixed nodes.
+    pub(crate) fn reordered(&self, order: &[u32]) -> Result<Self, SolveError> {
+        let place = |j: usize| order.get(j).map_or(j as u32, |&p| p);
+        let row = |i: usize| {
+            let row = self.row(order[i] as usize);
+            row.map(|(j, w)| (place(j), w))
+        };
+        let shift: Vec<f64> = order.iter().map(|&i| self.shift[i as usize]).collect();
+        let fixed = vec![false; self.halo.total()];
+        Self::from_rows(&self.halo, row, &fixed, Some(&shift))
+    }
+
     /// Couplings in the owned rows.
     pub(crate) fn entries_stored(&self) -> usize {
         self.columns.len()

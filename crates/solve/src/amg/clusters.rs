@@ -76,6 +76,39 @@ impl Clusters {
     }
 }
 
+/// An order of the rows, its own inverse, in which no cluster is cut by blocks of `block` rows; none where that is so
+/// already. Rows that other ranks know stay where they are.
+pub(super) fn order(matrix: &PairMatrix, clusters: &Clusters, block: usize) -> Option<Vec<u32>> {
+    let owned = matrix.owned();
+    let mut taken: Vec<bool> = (0..owned)
+        .map(|i| matrix.row(i).any(|(j, _)| j >= owned))
+        .collect();
+    clusters
+        .tied
+        .iter()
+        .flatten()
+        .for_each(|&i| taken[i as usize] = true);
+    let mut order: Vec<u32> = (0..owned as u32).collect();
+    let ends = (0..owned)
+        .step_by(block)
+        .map(|first| (first + block).min(owned));
+    // Rows of a block before this one may be free.
+    let mut free: Vec<usize> = ends.collect();
+    let mut changed = false;
+    for rows in &clusters.tied {
+        let home = rows[0] as usize / block;
+        for &row in rows.iter().filter(|&&i| i as usize / block != home) {
+            let found = (home * block..free[home]).rev().find(|&i| !taken[i]);
+            free[home] = found.unwrap_or(home * block);
+            if let Some(other) = found {
+                order.swap(row as usize, other);
+                changed = true;
+            }
+        }
+    }
+    changed.then_some(order)
+}
+
 /// Disjoint sets, named by their first member.
 struct Sets {
     parents: Vec<u32>,

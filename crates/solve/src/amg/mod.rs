@@ -20,7 +20,9 @@ mod patches;
 pub(crate) mod transfer;
 
 use crate::{PairMatrix, Preconditioner, SolveError, vectors::BLOCK};
+use clusters::Clusters;
 use hierarchy::Node;
+use level::SWEEP;
 use rayon::prelude::*;
 
 /// How the hierarchy is built and used.
@@ -55,6 +57,8 @@ struct Census {
 #[derive(Clone, Debug)]
 pub struct Amg {
     finest: Node,
+    /// Row at every place of the finest level, its own inverse; none where they are the same.
+    order: Option<Vec<u32>>,
     /// (D̄/D)^½ with D̄ the mean of the diagonal D, owned.
     scale: Vec<f32>,
     mean: f64,
@@ -71,6 +75,12 @@ impl Amg {
     /// Dirichlet nodes) or when coarsening stalls above 1500 unknowns.
     pub fn new(matrix: &PairMatrix, settings: AmgSettings) -> Result<Self, SolveError> {
         let matrix = matrix.without_lifted();
+        let clusters = Clusters::find(&matrix);
+        let order = clusters.and_then(|clusters| clusters::order(&matrix, &clusters, SWEEP));
+        let matrix = match &order {
+            Some(order) => matrix.reordered(order)?,
+            None => matrix,
+        };
         let mut census = Census::default();
         let finest = Node::new(&matrix, matrix.is_singular(), &settings, &mut census)?;
         let roots = finest.roots();
@@ -82,6 +92,7 @@ impl Amg {
             scale: roots.iter().map(scale).collect(),
             mean,
             norm: 1.0,
+            order,
             finest,
             census,
         })
@@ -102,8 +113,21 @@ impl Amg {
 impl Preconditioner<f64> for Amg {
     fn apply(&mut self, r: &[f64], z: &mut [f64]) {
         let (scale, inverse) = (&self.scale, self.norm.recip());
-        self.finest.solve(|i| (r[i] * inverse) as f32 * scale[i]);
         let factor = self.norm / self.mean;
+        if let Some(order) = &self.order {
+            let row = |i: usize| (r[order[i] as usize] * inverse) as f32 * scale[i];
+            self.finest.solve(row);
+            let answer = self.finest.answer();
+            let places = order.par_chunks(BLOCK);
+            z.par_chunks_mut(BLOCK).zip(places).for_each(|(z, places)| {
+                for (z, &place) in z.iter_mut().zip(places) {
+                    let place = place as usize;
+                    *z = factor * f64::from(answer[place] * scale[place]);
+                }
+            });
+            return;
+        }
+        self.finest.solve(|i| (r[i] * inverse) as f32 * scale[i]);
         z.par_chunks_mut(BLOCK)
             .zip(self.finest.answer().par_chunks(BLOCK))
             .zip(scale.par_chunks(BLOCK))

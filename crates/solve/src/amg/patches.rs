@@ -78,7 +78,8 @@ impl Patch {
         for (k, &i) in rows.iter().enumerate() {
             let i = i as usize;
             let scale = |j: usize| inverse_roots[i] * inverse_roots[j];
-            block[(k, k)] = matrix.diagonal()[i] * scale(i);
+            // As in rows that are visited alone: D may exceed the diagonal.
+            block[(k, k)] = 1.0;
             for (j, w) in matrix.row(i) {
                 if let Ok(l) = rows.binary_search(&(j as u32)) {
                     block[(k, l)] -= w * scale(j);
