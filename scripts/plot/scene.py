@@ -68,7 +68,7 @@ def draw(fluid, fibres, time, path):
     plotter.add_text(f"t = {time:.4g} s", font_size=12, color="black")
     thin = int(np.argmin(extent))
     if extent[thin] < 0.05 * extent.max():
-        plotter.view_vector(np.eye(3)[thin])
+        plotter.view_vector(np.eye(3)[thin], viewup=np.eye(3)[1 if thin == 2 else 2])
     else:
         # Towards the slice, a little from the side and from above.
         direction = np.roll((0.35, 0.3, 1.0), thin - 2)

@@ -33,6 +33,7 @@ impl Fluid {
             span = SUB_STEPS[k].alpha * dt;
             std::mem::swap(&mut self.flux, &mut self.flux_other);
             self.boundary.begin_step(0.0);
+            self.drive(self.time + start + 0.5 * span);
             self.gather_sources();
             report.momentum_iterations[k] = self.sub_step(k, dt, &diffusion, &settings)?;
             if k + 1 == SUB_STEPS.len() {
