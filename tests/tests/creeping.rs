@@ -138,8 +138,9 @@ y_max = { kind = "moving-wall", velocity = [1e-3, 0, 0], factor = { kind = "form
         let energy = bench.summary("out")["fluid"]["kinetic_energy"].as_f64();
         energy.expect("energy")
     };
-    // The corners of the lid are singular, so that the two discretisations are apart by the spacing.
-    let apart = [10, 20].map(|cells| {
+    // The corners of the lid are singular, and the full flow moves what cannot be balanced there: the two discretisations
+    // are apart by the spacing.
+    let apart = [20, 40].map(|cells| {
         let (linear, full) = (energy("linear", cells), energy("full", cells));
         println!("{cells}²: energies {linear:e}, {full:e}");
         (linear / full - 1.0).abs()
