@@ -219,16 +219,18 @@ impl Fluid {
         } = &mut self.momentum;
         let (source, inverse) = (&*source, self.operators.inverse_volumes());
         let correcting = self.correcting;
+        // A factor, not a branch: the kernel stays in vectors.
+        let kept = if correcting { 0.0 } else { 1.0 };
         self.operators.convection_diffusion(
             &self.flux_other,
             &mut self.velocity,
             (&mut rate[..], &mut next[..inverse.len()]),
             |i, own, convected, diffused, rate, next| {
+                let (source, inverse) = (source[i], inverse[i]);
                 for c in 0..4 {
                     let new = convected[c] + nu * diffused[c];
-                    let impulse = gamma * new + zeta * rate[c] + alpha * source[i][c];
-                    let step = inverse[i] * impulse;
-                    next[c] = if correcting { step } else { own[c] + step };
+                    let impulse = gamma * new + zeta * rate[c] + alpha * source[c];
+                    next[c] = kept * own[c] + inverse * impulse;
                     rate[c] = new;
                 }
             },
