@@ -145,5 +145,5 @@ y_max = { kind = "moving-wall", velocity = [1e-3, 0, 0], factor = { kind = "form
         println!("{cells}²: energies {linear:e}, {full:e}");
         (linear / full - 1.0).abs()
     });
-    assert!(apart[0] < 0.05 && apart[1] < 0.5 * apart[0], "{apart:?}");
+    assert!(apart[0] < 0.025 && apart[1] < 0.5 * apart[0], "{apart:?}");
 }
