@@ -3,8 +3,8 @@
 use crate::Vector3;
 
 /// Below this sin² of the enclosed angle two axes count as parallel: their distance along the overlap then varies
-/// by less than round-off.
-const PARALLEL: f64 = 1e-16;
+/// by less than 1e-14 of its length.
+const PARALLEL: f64 = 1e-28;
 /// An axis shorter than this fraction of the pair's extent is a point.
 const POINT: f64 = 1e-15;
 
@@ -102,12 +102,10 @@ impl Axes {
     /// Minimiser over the unit square of |A − B|² + ε²(|p|²(s − m)² + |q|²(t − n)²).
     fn minimise(&self, epsilon_squared: f64) -> ClosestPoints {
         let [m, n] = self.centre;
-        let (pp, qq) = (
-            self.pp * (1.0 + epsilon_squared),
-            self.qq * (1.0 + epsilon_squared),
-        );
-        let f = epsilon_squared * self.pp * m - self.p.dot(&self.offset);
-        let g = epsilon_squared * self.qq * n + self.q.dot(&self.offset);
+        let (u2, v2) = (epsilon_squared * self.pp, epsilon_squared * self.qq);
+        let (pp, qq) = (self.pp + u2, self.qq + v2);
+        let f = u2 * m - self.p.dot(&self.offset);
+        let g = v2 * n + self.q.dot(&self.offset);
         let best_s = |t: f64| {
             if pp > 0.0 {
                 ((t * self.pq + f) / pp).clamp(0.0, 1.0)
@@ -118,15 +116,20 @@ impl Axes {
         let best_t = |s: f64| {
             if qq > 0.0 { (s * self.pq + g) / qq } else { n }
         };
-        // |p × q|² instead of |p|²|q|² − (p·q)² keeps its digits near the parallel.
-        let determinant = self.p.cross(&self.q).norm_squared()
-            + self.pp * self.qq * epsilon_squared * (2.0 + epsilon_squared);
-        let s = if self.pp * self.qq > 0.0 && determinant > PARALLEL * self.pp * self.qq {
-            ((f * qq + self.pq * g) / determinant).clamp(0.0, 1.0)
-        } else if self.qq == 0.0 {
+        let s = if self.pp == 0.0 || self.qq == 0.0 {
             best_s(n)
         } else {
-            m
+            // Parts of p and of the offset across q: the normal equations would lose twice the digits near the parallel.
+            let (along, ahead) = (self.pq / qq, g / qq);
+            let across = self.p - self.q * along;
+            let width = across.norm_squared() + u2 + along * along * v2;
+            if width > PARALLEL * pp {
+                let lever = self.q * ahead - self.offset;
+                let pull = across.dot(&lever) + u2 * m + along * v2 * (n - ahead);
+                (pull / width).clamp(0.0, 1.0)
+            } else {
+                m
+            }
         };
         // The minimum over the strip 0 ≤ s ≤ 1; when its t leaves the square, convexity puts the answer on that edge.
         let t = best_t(s);
