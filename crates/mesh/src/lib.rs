@@ -4,6 +4,7 @@ mod blocks;
 mod distribute;
 mod error;
 mod faces;
+mod facets;
 mod generate;
 pub mod geometry;
 pub mod gmsh;
@@ -22,6 +23,7 @@ mod validate;
 
 pub use distribute::{distribute, distribute_from, distribute_layers};
 pub use error::MeshError;
+pub use facets::facets;
 pub use generate::{BoxElement, BoxMesh, Stretching};
 pub use line::{Line, LinePair};
 pub use local::{BoundaryNode, DualGeometry, LocalMesh, TensorLines};
