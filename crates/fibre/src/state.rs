@@ -27,20 +27,24 @@ pub struct FibreState {
 }
 
 const CONTACT_STEP: &str = "fibre.contact_step";
+const CONTACT_TIME: &str = "fibre.contact_time";
 
 impl FibreSystem {
     /// All that decides how the fibres of this rank move on, given the settings: a restored system continues bitwise.
     pub fn state(&self) -> FibreState {
         let mut springs = self.contacts().map_or(Vec::new(), |c| c.records());
         springs.sort_unstable_by_key(|spring| (spring.a, spring.b));
-        let contact_step = self.touching.as_ref().and_then(|t| t.critical_step);
+        let touching = self.touching.as_ref();
+        let step = touching.and_then(|t| t.critical_step);
+        let time = touching.map(|t| t.contacts.time());
+        let scalars = [(CONTACT_STEP, step), (CONTACT_TIME, time)];
         FibreState {
             records: (0..self.fibres())
                 .map(|f| self.record(f, &springs))
                 .collect(),
-            scalars: contact_step
-                .map(|v| (CONTACT_STEP.into(), v))
+            scalars: scalars
                 .into_iter()
+                .filter_map(|(name, value)| value.map(|v| (name.into(), v)))
                 .collect(),
         }
     }
@@ -53,8 +57,14 @@ impl FibreSystem {
         if let Some(settings) = &self.settings.contacts {
             let touching = Touching::new(settings.clone(), &self.communicator)?;
             let touching = self.touching.insert(touching);
-            let step = state.scalars.iter().find(|(name, _)| name == CONTACT_STEP);
-            touching.critical_step = step.map(|(_, value)| *value);
+            let scalar = |wanted: &str| {
+                let found = state.scalars.iter().find(|(name, _)| name == wanted);
+                found.map(|(_, value)| *value)
+            };
+            touching.critical_step = scalar(CONTACT_STEP);
+            touching
+                .contacts
+                .set_time(scalar(CONTACT_TIME).unwrap_or(0.0));
         }
         self.rebuild(state.records)
     }

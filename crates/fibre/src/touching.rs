@@ -13,6 +13,8 @@ pub(crate) struct Touching {
     /// Critical step of the contacts at the end of the last step \[s\], the same on every rank; none before the first.
     /// Part of the state, since it decides the next number of sub-steps.
     pub critical_step: Option<f64>,
+    /// Length of the last sub-step \[s\].
+    last_step: Option<f64>,
     gathered: Gathered,
     load: Vec<SegmentLoad>,
 }
@@ -93,6 +95,7 @@ impl Touching {
         Ok(Self {
             contacts: ContactSystem::new(settings, communicator)?,
             critical_step: None,
+            last_step: None,
             gathered: Gathered::default(),
             load: Vec::new(),
         })
@@ -105,13 +108,22 @@ impl Touching {
             .resize(self.gathered.ids.len(), SegmentLoad::default());
     }
 
-    /// Contact loads at the given motion; friction moves on by `step`.
+    /// Contact loads at the given motion, in the middle of a sub-step; friction moves on by `step`.
     fn press(&mut self, motion: &Motion, step: f64) -> Result<(), FibreError> {
         self.gathered.take(motion);
         let segments = self.gathered.view();
+        let start = self.contacts.time();
+        self.contacts.set_time(start + 0.5 * step);
         self.contacts.update(&segments)?;
         self.load.fill(SegmentLoad::default());
         self.contacts.forces(&segments, step, &mut self.load);
+        if self.contacts.counts_crossings() {
+            // Since the middle of the last sub-step, ends have drifted with the velocities they have now.
+            let last = self.last_step.unwrap_or(step);
+            self.contacts.count_crossings(0.5 * (last + step));
+        }
+        self.last_step = Some(step);
+        self.contacts.set_time(start + step);
         Ok(())
     }
 }

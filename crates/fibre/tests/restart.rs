@@ -4,7 +4,7 @@ use fibreflow_fibre::contact::{ContactSettings, NormalDamping, Wall};
 use fibreflow_fibre::hydrodynamics::{AmbientFlow, DragModel, FluidProperties, TorqueModel};
 use fibreflow_fibre::{
     Equilibrium, Fibre, FibreError, FibreSettings, FibreState, FibreSystem, Hydrodynamics,
-    Material, PeriodicBox, Support, Vector3,
+    Material, Support, Vector3,
 };
 use fibreflow_parallel::Communicator;
 
@@ -21,16 +21,11 @@ fn settings() -> FibreSettings {
             point_spacing: 0.1,
         }),
         contacts: Some(ContactSettings {
-            normal_stiffness: 1e3,
             damping: NormalDamping::Ratio(0.3),
             friction: 0.5,
             tangential_ratio: 0.5,
-            skin: 0.02,
-            walls: vec![Wall {
-                point: Vector3::zeros(),
-                normal: Vector3::z(),
-            }],
-            periodic: PeriodicBox::unbounded(),
+            walls: vec![Wall::plane(Vector3::zeros(), Vector3::z())],
+            ..ContactSettings::new(1e3, 0.02)
         }),
         ..FibreSettings::default()
     }

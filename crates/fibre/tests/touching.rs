@@ -1,18 +1,16 @@
 //! Beams in contact: statics on a floor, collisions that keep momentum, balance of forces with drag.
 
 use fibreflow_fibre::contact::{ContactSettings, NormalDamping, Wall};
-use fibreflow_fibre::{Fibre, FibreSettings, FibreSystem, Material, PeriodicBox, Vector3};
+use fibreflow_fibre::{Fibre, FibreSettings, FibreSystem, Material, Vector3};
 use fibreflow_parallel::Communicator;
 
 fn contacts(walls: Vec<Wall>, damping: f64, friction: f64) -> ContactSettings {
     ContactSettings {
-        normal_stiffness: 2e3,
         damping: NormalDamping::Ratio(damping),
         friction,
         tangential_ratio: 0.5,
-        skin: 0.02,
         walls,
-        periodic: PeriodicBox::unbounded(),
+        ..ContactSettings::new(2e3, 0.02)
     }
 }
 
@@ -57,10 +55,7 @@ fn two_crossed_fibres_collide_and_keep_momentum_and_energy() {
 
 #[test]
 fn a_fibre_comes_to_rest_on_the_floor_under_its_weight() {
-    let floor = Wall {
-        point: Vector3::zeros(),
-        normal: Vector3::z(),
-    };
+    let floor = Wall::plane(Vector3::zeros(), Vector3::z());
     let settings = FibreSettings {
         gravity: Vector3::new(0.0, 0.0, -10.0),
         contacts: Some(contacts(vec![floor], 0.7, 0.4)),

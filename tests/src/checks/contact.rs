@@ -104,21 +104,17 @@ impl Cloud {
 }
 
 fn settings(length: f64) -> ContactSettings {
-    let wall = |y: f64| Wall {
-        point: Vector3::new(0.0, y, 0.0),
-        normal: Vector3::new(0.0, -y, 0.0),
-    };
+    let wall = |y: f64| Wall::plane(Vector3::new(0.0, y, 0.0), Vector3::new(0.0, -y, 0.0));
     ContactSettings {
-        normal_stiffness: 1e4,
         damping: NormalDamping::Restitution(0.6),
         friction: 0.3,
         tangential_ratio: 0.5,
-        skin: 0.03,
         walls: vec![wall(0.5 * EDGE), wall(-0.5 * EDGE)],
         periodic: PeriodicBox {
             origin: Vector3::zeros(),
             lengths: [Some(length), None, Some(length)],
         },
+        ..ContactSettings::new(1e4, 0.03)
     }
 }
 

@@ -23,19 +23,15 @@ fn settings() -> FibreSettings {
             point_spacing: f64::INFINITY,
         }),
         contacts: Some(ContactSettings {
-            normal_stiffness: 1e3,
             damping: NormalDamping::Ratio(0.3),
             friction: 0.5,
             tangential_ratio: 0.5,
-            skin: 0.02,
-            walls: vec![Wall {
-                point: Vector3::zeros(),
-                normal: Vector3::z(),
-            }],
+            walls: vec![Wall::plane(Vector3::zeros(), Vector3::z())],
             periodic: PeriodicBox {
                 origin: Vector3::zeros(),
                 lengths: [Some(1.0), Some(1.0), None],
             },
+            ..ContactSettings::new(1e3, 0.02)
         }),
         ..FibreSettings::default()
     }

@@ -1,10 +1,11 @@
 //! Broad phase: pairs of segments near each other, found by rendezvous at the home ranks of cells.
 
+use crate::Vector3;
 use crate::contact::closest::closest_points;
 use crate::contact::grid::{CellGrid, Cover, mix};
+use crate::contact::images::Images;
 use crate::contact::{ContactError, Segments};
 use crate::shape::SEGMENT_BITS;
-use crate::{PeriodicBox, Vector3};
 use bytemuck::{Pod, Zeroable};
 use fibreflow_parallel::Communicator;
 use rayon::prelude::*;
@@ -29,6 +30,8 @@ pub(super) struct Search {
     pub pairs: Vec<Found>,
     /// Pairs that shared a cell on this rank: the work done.
     pub tests: usize,
+    /// Longest segment with its caps and the skin \[m\].
+    pub reach: f64,
 }
 
 /// A segment as the home rank of a cell sees it.
@@ -56,9 +59,10 @@ impl Entry {
 pub(super) fn search(
     communicator: &Communicator,
     segments: &Segments<'_>,
-    periodic: &PeriodicBox,
+    images: &Images,
     skin: f64,
 ) -> Result<Search, ContactError> {
+    let periodic = images.periodic();
     let reach = longest_reach(communicator, segments)? + skin;
     for (axis, length) in ['x', 'y', 'z'].into_iter().zip(periodic.lengths) {
         if let Some(length) = length
@@ -74,7 +78,10 @@ pub(super) fn search(
     let ranks = communicator.size();
     let home = |key: u64| (mix(key) % ranks as u64) as usize;
     let grid = CellGrid::new(periodic, reach);
-    let cover = |entry: &Entry| grid.cover(&entry.ends(), entry.radius + 0.5 * skin);
+    let cover = |entry: &Entry| {
+        let upright = entry.ends().map(|x| images.upright(&x));
+        grid.cover(&upright, (entry.radius + 0.5 * skin) * images.stretch())
+    };
     let received = communicator.exchange(addressed(communicator, segments, cover, home));
     let entries: Vec<Entry> = received.into_iter().flatten().collect();
     let covers: Vec<Cover> = entries.par_iter().map(cover).collect();
@@ -94,7 +101,7 @@ pub(super) fn search(
             (&entries[j], &entries[i])
         };
         let unique = covers[i].common(&covers[j]) == Some(key);
-        (unique && touches(a, b, periodic, skin)).then_some(Found {
+        (unique && touches(a, b, images, skin)).then_some(Found {
             ids: [a.id, b.id],
             owner: [a.owner, b.owner],
             index: [a.index, b.index],
@@ -127,6 +134,7 @@ pub(super) fn search(
     Ok(Search {
         pairs,
         tests: tests.into_inner(),
+        reach,
     })
 }
 
@@ -180,12 +188,12 @@ fn addressed(
     outgoing
 }
 
-fn touches(a: &Entry, b: &Entry, periodic: &PeriodicBox, skin: f64) -> bool {
+fn touches(a: &Entry, b: &Entry, images: &Images, skin: f64) -> bool {
     if neighbours(a, b) {
         return false;
     }
     let (ends_a, mut ends_b) = (a.ends(), b.ends());
-    let shift = image_shift(periodic, &ends_a, &ends_b);
+    let shift = images.beside(&ends_a, &ends_b).shift;
     ends_b.iter_mut().for_each(|end| *end -= shift);
     let reach = a.radius + b.radius + skin;
     let apart = (0..3).any(|axis| {
@@ -194,11 +202,6 @@ fn touches(a: &Entry, b: &Entry, periodic: &PeriodicBox, skin: f64) -> bool {
         low_b - high_a > reach || low_a - high_b > reach
     });
     !apart && closest_points(&ends_a, &ends_b).distance < reach
-}
-
-/// What to subtract from b to bring its middle next to a's middle.
-pub(super) fn image_shift(periodic: &PeriodicBox, a: &[Vector3; 2], b: &[Vector3; 2]) -> Vector3 {
-    periodic.nearest_period(&(0.5 * ((b[0] - a[0]) + (b[1] - a[1]))))
 }
 
 fn sorted(x: f64, y: f64) -> (f64, f64) {

@@ -35,18 +35,30 @@ pub fn closest_points(a: &[Vector3; 2], b: &[Vector3; 2]) -> ClosestPoints {
 /// the answer is a continuous function of the four ends. ε² = δ·reach/ℓ² spreads the jump over the tilts at which
 /// the overlap δ of the deepest point still reaches over the length ℓ, and vanishes with δ.
 pub fn contact_points(a: &[Vector3; 2], b: &[Vector3; 2], reach: f64) -> Option<ClosestPoints> {
+    near_points(a, b, reach, 0.0, 0.0)
+}
+
+/// As [`contact_points`], up to a gap `range`, for forces that change over the length `scale`: the contact point moves as
+/// if the overlap were larger by that much.
+pub(super) fn near_points(
+    a: &[Vector3; 2],
+    b: &[Vector3; 2],
+    reach: f64,
+    range: f64,
+    scale: f64,
+) -> Option<ClosestPoints> {
     let axes = Axes::new(a, b);
     let exact = axes.minimise(0.0);
     let overlap = reach - exact.distance;
-    if overlap.is_nan() || overlap <= 0.0 {
+    if overlap.is_nan() || overlap <= -range {
         return None;
     }
     let longest = axes.pp.max(axes.qq);
     if longest == 0.0 {
         return Some(exact);
     }
-    let points = axes.minimise(overlap * reach / longest);
-    (points.distance < reach).then_some(points)
+    let points = axes.minimise((overlap.max(0.0) + scale) * reach / longest);
+    (points.distance < reach + range).then_some(points)
 }
 
 /// Two axes a₀ + s p and b₀ + t q.

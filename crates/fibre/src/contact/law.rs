@@ -1,6 +1,7 @@
-//! Linear spring, viscous damping and Coulomb friction of one contact.
+//! Force of one contact: linear spring, viscous damping, Coulomb friction, forces at a distance.
 
 use crate::Vector3;
+use crate::contact::far::{Facing, Far};
 use crate::contact::{ContactError, ContactSettings, NormalDamping};
 use nalgebra::Rotation3;
 
@@ -15,6 +16,8 @@ pub(crate) struct Law {
     pub damping_ratio: f64,
     /// Coulomb coefficient μ.
     pub friction: f64,
+    /// Forces at a distance.
+    pub far: Far,
 }
 
 /// One contact, seen from a.
@@ -22,7 +25,7 @@ pub(crate) struct Law {
 pub(crate) struct Touch {
     /// Unit vector from a to b.
     pub normal: Vector3,
-    /// δ > 0 \[m\].
+    /// δ \[m\]; −δ is the gap.
     pub overlap: f64,
     /// Velocity of a relative to b at the contact point \[m/s\].
     pub velocity: Vector3,
@@ -32,6 +35,8 @@ pub(crate) struct Touch {
     pub mass: f64,
     /// Share of the stiffnesses that this contact carries.
     pub share: f64,
+    /// How the surfaces face each other, where there are forces at a distance.
+    pub facing: Option<Facing>,
 }
 
 /// What a contact does in one step.
@@ -39,11 +44,18 @@ pub(crate) struct Touch {
 pub(crate) struct Response {
     /// Force on a \[N\]; b feels the opposite.
     pub force: Vector3,
-    /// Energy in the normal and the tangential spring \[J\].
+    /// Torque on a besides that of the force \[N·m\]; b feels the opposite.
+    pub couple: Vector3,
+    /// Energy in the normal and the tangential spring and of the forces at a distance \[J\].
     pub stored: f64,
     /// Energy lost in this step \[J\].
     pub dissipated: f64,
+    /// Bound of the stiffness of the forces at a distance \[N/m\].
+    pub far_stiffness: f64,
 }
+
+/// Lubrication is implicit in the velocity of one pair; the factor leaves room for several on one segment.
+const PAIRS_AT_ONCE: f64 = 4.0;
 
 impl Law {
     /// Checks the settings and derives the constants.
@@ -109,44 +121,108 @@ impl Law {
             tangential_stiffness: ratio * stiffness,
             damping_ratio,
             friction,
+            far: Far::new(
+                settings.repulsion,
+                settings.van_der_waals,
+                settings.lubrication,
+            )?,
         })
     }
 
     /// Force of a contact and the friction spring after a step `dt`.
     ///
-    /// Normal: F_n = max(0, k_n δ + c v·n) (K 3.28 with c = 2ζ√(k_n m)). Tangential (Cundall & Strack 1979): the
-    /// spring turns with the contact, grows by v_t dt (K 3.31) and is cut to |F_t| ≤ μ F_n.
+    /// Normal: F_n = max(0, k_n δ + c v·n) (K 3.28 with c = 2ζ√(k_n m)) and the forces at a distance. Tangential (Cundall &
+    /// Strack 1979): the spring turns with the contact, grows by v_t dt (K 3.31) and is cut to |F_t| ≤ μ F_n, where
+    /// F_n holds the repulsion but no attraction.
     pub fn respond(&self, touch: &Touch, spring: &mut Vector3, dt: f64) -> Response {
         let normal = &touch.normal;
-        let stiffness = touch.share * self.stiffness;
-        let damping = 2.0 * self.damping_ratio * (stiffness * touch.mass).sqrt();
         let approach = touch.velocity.dot(normal);
-        let elastic = stiffness * touch.overlap;
-        let pressed = (elastic + damping * approach).max(0.0);
-        let mut response = Response {
-            force: -pressed * normal,
-            stored: 0.5 * elastic * touch.overlap,
-            dissipated: (pressed - elastic) * approach * dt,
-        };
-        if self.friction > 0.0 {
-            let slip = touch.velocity - approach * normal;
-            let stiffness = touch.share * self.tangential_stiffness;
+        let mut response = Response::default();
+        let mut pressed = 0.0;
+        if touch.overlap > 0.0 {
+            let stiffness = touch.share * self.stiffness;
             let damping = 2.0 * self.damping_ratio * (stiffness * touch.mass).sqrt();
-            let before = 0.5 * stiffness * spring.norm_squared();
-            *spring = turned(spring, normal, touch.spin.dot(normal) * dt) + slip * dt;
-            let mut force = -stiffness * *spring - damping * slip;
-            let limit = self.friction * pressed;
-            let size = force.norm();
-            if size > limit {
-                force *= limit / size;
-                *spring = -(force + damping * slip) / stiffness;
-            }
-            let after = 0.5 * stiffness * spring.norm_squared();
-            response.force += force;
-            response.stored += after;
-            response.dissipated += before - after - force.dot(&slip) * dt;
+            let elastic = stiffness * touch.overlap;
+            pressed = (elastic + damping * approach).max(0.0);
+            response.force = -pressed * normal;
+            response.stored = 0.5 * elastic * touch.overlap;
+            response.dissipated = (pressed - elastic) * approach * dt;
+        }
+        if let Some(facing) = &touch.facing {
+            pressed += self.reach_out(touch, facing, approach, dt, &mut response);
+        }
+        if -touch.overlap > self.far.contact_gap() {
+            *spring = Vector3::zeros();
+        } else if self.friction > 0.0 {
+            self.rub(touch, approach, pressed, spring, dt, &mut response);
         }
         response
+    }
+
+    /// Adds friction under the normal force `pressed`.
+    fn rub(
+        &self,
+        touch: &Touch,
+        approach: f64,
+        pressed: f64,
+        spring: &mut Vector3,
+        dt: f64,
+        response: &mut Response,
+    ) {
+        let normal = &touch.normal;
+        let slip = touch.velocity - approach * normal;
+        let stiffness = touch.share * self.tangential_stiffness;
+        let damping = 2.0 * self.damping_ratio * (stiffness * touch.mass).sqrt();
+        let before = 0.5 * stiffness * spring.norm_squared();
+        *spring = turned(spring, normal, touch.spin.dot(normal) * dt) + slip * dt;
+        let mut force = -stiffness * *spring - damping * slip;
+        let limit = self.friction * pressed;
+        let size = force.norm();
+        if size > limit {
+            force *= limit / size;
+            *spring = -(force + damping * slip) / stiffness;
+        }
+        let after = 0.5 * stiffness * spring.norm_squared();
+        response.force += force;
+        response.stored += after;
+        response.dissipated += before - after - force.dot(&slip) * dt;
+    }
+
+    /// Adds the forces at a distance; answers with the repulsion, to which friction is proportional.
+    fn reach_out(
+        &self,
+        touch: &Touch,
+        facing: &Facing,
+        approach: f64,
+        dt: f64,
+        response: &mut Response,
+    ) -> f64 {
+        let (normal, gap) = (&touch.normal, -touch.overlap);
+        let mut repelled = 0.0;
+        if let Some(repulsion) = &self.far.repulsion {
+            let push = repulsion.push(gap);
+            repelled = touch.share * push.force;
+            response.force -= repelled * normal;
+            response.stored += touch.share * push.energy;
+            response.far_stiffness += touch.share * push.stiffness;
+        }
+        if let Some(adhesion) = &self.far.adhesion {
+            let (push, couple) = adhesion.push(gap, facing);
+            response.force -= push.force * normal;
+            response.couple += couple;
+            response.stored += push.energy;
+            response.far_stiffness += push.stiffness;
+        }
+        if let Some(film) = &self.far.lubrication {
+            let resistance = film.resistance(gap, facing);
+            let implicit = |c: f64| c / (1.0 + PAIRS_AT_ONCE * c * dt / touch.mass);
+            let slip = touch.velocity - approach * normal;
+            let drag = approach * implicit(resistance.normal) * normal
+                + slip * implicit(resistance.tangential);
+            response.force -= drag;
+            response.dissipated += drag.dot(&touch.velocity) * dt;
+        }
+        repelled.max(0.0)
     }
 }
 
@@ -196,6 +272,7 @@ mod tests {
             tangential_stiffness: 50.0,
             damping_ratio,
             friction,
+            far: Far::default(),
         }
     }
 
@@ -207,6 +284,7 @@ mod tests {
             spin: Vector3::zeros(),
             mass: 1.0,
             share: 1.0,
+            facing: None,
         }
     }
 

@@ -8,20 +8,26 @@
 
 mod broad;
 mod closest;
+mod crossing;
+mod facets;
+mod far;
 mod grid;
+mod images;
 mod law;
 mod springs;
 mod system;
 mod wall;
 
 pub use closest::{ClosestPoints, closest_points, contact_points};
+pub use crossing::crossings;
+pub use far::{Lubrication, LubricationModel, Repulsion, VanDerWaals};
 pub use springs::FrictionRecord;
 pub use system::{ContactStatistics, ContactSystem};
-pub use wall::Wall;
+pub use wall::{Surface, Wall};
 
 use crate::{PeriodicBox, Vector3};
 
-/// What contacts are made of.
+/// What contacts are made of; [`ContactSettings::new`] fills in defaults.
 #[derive(Clone, Debug)]
 pub struct ContactSettings {
     /// k_n of two touching segments \[N/m\].
@@ -34,10 +40,41 @@ pub struct ContactSettings {
     pub tangential_ratio: f64,
     /// Pairs nearer than this beyond touching are kept until an end has moved by half of it \[m\].
     pub skin: f64,
-    /// Planes that hold the fibres.
+    /// Repulsion at a distance.
+    pub repulsion: Option<Repulsion>,
+    /// Attraction at a distance.
+    pub van_der_waals: Option<VanDerWaals>,
+    /// Resistance of a thin film of fluid.
+    pub lubrication: Option<Lubrication>,
+    /// Surfaces that hold the fibres.
     pub walls: Vec<Wall>,
     /// Directions in which the domain repeats.
     pub periodic: PeriodicBox,
+    /// Rate at which the periodic box is sheared \[1/s\]: the box above, along y, moves along x with this times the
+    /// period (Lees & Edwards 1972). 0 for a box at rest.
+    pub shear_rate: f64,
+    /// Counts the crossings of centre lines in every step (see [`crossings`]); costs about as much as the contacts.
+    pub count_crossings: bool,
+}
+
+impl ContactSettings {
+    /// Frictionless contacts with a damping ratio of 0.1 in unbounded space, without forces at a distance.
+    pub fn new(normal_stiffness: f64, skin: f64) -> Self {
+        Self {
+            normal_stiffness,
+            damping: NormalDamping::Ratio(0.1),
+            friction: 0.0,
+            tangential_ratio: 2.0 / 7.0,
+            skin,
+            repulsion: None,
+            van_der_waals: None,
+            lubrication: None,
+            walls: Vec::new(),
+            periodic: PeriodicBox::unbounded(),
+            shear_rate: 0.0,
+            count_crossings: false,
+        }
+    }
 }
 
 /// How a contact loses energy in the normal direction.

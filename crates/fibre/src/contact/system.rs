@@ -1,14 +1,17 @@
 //! All contacts of a rank: candidate pairs, ghosts of foreign segments, forces, friction springs.
 
 use crate::Vector3;
-use crate::contact::broad::{Found, image_shift, search};
-use crate::contact::closest::contact_points;
+use crate::contact::broad::{Found, search};
+use crate::contact::closest::near_points;
+use crate::contact::crossing::crossings;
+use crate::contact::far::Facing;
+use crate::contact::images::Images;
 use crate::contact::law::{Law, Response, Touch};
 use crate::contact::springs::{FrictionRecord, carry};
 use crate::contact::wall::{WallContacts, WallTotals};
 use crate::contact::{ContactError, ContactSettings, SegmentLoad, Segments};
 use bytemuck::{Pod, Zeroable};
-use fibreflow_parallel::{Communicator, Halo, block_max, block_sums};
+use fibreflow_parallel::{Communicator, Halo, block_max, block_sum, block_sums};
 use rayon::prelude::*;
 
 /// Contacts between the segments of all ranks, and with walls.
@@ -28,6 +31,8 @@ pub struct ContactSystem {
     walls: WallContacts,
     /// Springs of a checkpoint that no pair has taken yet.
     pending: Vec<FrictionRecord>,
+    /// Since the box was upright and the walls were where the settings put them \[s\].
+    time: f64,
     totals: Totals,
 }
 
@@ -35,6 +40,9 @@ pub struct ContactSystem {
 struct Built {
     ids: Vec<u64>,
     ends: Vec<[Vector3; 2]>,
+    time: f64,
+    /// Longest segment with its caps and all that is added to it \[m\].
+    reach: f64,
 }
 
 /// Two segments that may touch, in ascending order of their ids.
@@ -73,10 +81,11 @@ impl State {
     }
 }
 
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Totals {
     walls: WallTotals,
     dissipated: f64,
+    crossings: f64,
     rebuilds: usize,
     tests: usize,
 }
@@ -92,10 +101,14 @@ pub struct ContactStatistics {
     pub candidates: usize,
     /// Largest overlap \[m\].
     pub max_overlap: f64,
-    /// Energy in the contact springs \[J\].
+    /// Energy in the contact springs and of the forces at a distance \[J\].
     pub stored_energy: f64,
     /// Energy lost by damping and friction since the start of the run or its last resumption \[J\].
     pub dissipated_energy: f64,
+    /// Work of the moving walls on the fibres since then \[J\].
+    pub wall_work: f64,
+    /// Times that two centre lines passed through each other since then, if the settings have them counted.
+    pub crossings: usize,
     /// Searches for pairs since then.
     pub rebuilds: usize,
     /// Pairs that shared a cell in the last search: its cost.
@@ -111,6 +124,13 @@ impl ContactSystem {
         settings: ContactSettings,
         communicator: &Communicator,
     ) -> Result<Self, ContactError> {
+        if settings.shear_rate != 0.0 && settings.periodic.lengths[1].is_none() {
+            return Err(ContactError::Setting {
+                name: "shear_rate",
+                value: settings.shear_rate,
+                valid: "0 unless the box is periodic along y",
+            });
+        }
         Ok(Self {
             law: Law::new(&settings)?,
             walls: WallContacts::new(&settings.walls, &settings.periodic)?,
@@ -124,8 +144,24 @@ impl ContactSystem {
             states: Vec::new(),
             constants: Vec::new(),
             pending: Vec::new(),
+            time: 0.0,
             totals: Totals::default(),
         })
+    }
+
+    /// Time since the box was upright and the walls were where the settings put them \[s\].
+    pub fn time(&self) -> f64 {
+        self.time
+    }
+
+    /// Moves the walls and shears the box to a `time` \[s\]; to be called before [`ContactSystem::update`].
+    pub fn set_time(&mut self, time: f64) {
+        self.time = time;
+    }
+
+    fn images(&self) -> Images {
+        let (periodic, rate) = (&self.settings.periodic, self.settings.shear_rate);
+        Images::new(periodic, rate, rate * self.time)
     }
 
     /// Searches for pairs again when needed: an end has moved by half the skin on any rank, segments have come, gone
@@ -152,22 +188,32 @@ impl ContactSystem {
         Ok(())
     }
 
+    /// Whether two surfaces can have come nearer by the skin since the last search. In a sheared box, images keep their
+    /// places in a frame that is sheared along, so strays are measured in that frame.
     fn strayed(&self, built: &Built, segments: &Segments<'_>) -> bool {
-        let limit = 0.25 * self.settings.skin * self.settings.skin;
+        let passed = self.time - built.time;
+        let strain = self.settings.shear_rate * passed;
+        let moved = self.walls.speed() * passed.abs();
+        let room = 0.5 * (self.settings.skin - strain.abs() * built.reach);
+        if !(room > 0.0 && moved <= 0.5 * self.settings.skin) {
+            return true;
+        }
         // Written so that a NaN counts as strayed.
-        let near = |x: &Vector3, before: &Vector3| (x - before).norm_squared() <= limit;
+        let near = |x: &Vector3, before: &Vector3| {
+            let along = Vector3::new(strain * before.y, 0.0, 0.0);
+            (x - before - along).norm_squared() <= room * room
+        };
         let ends = segments.start.par_iter().zip(segments.end);
         ends.zip(&built.ends)
             .any(|((start, end), before)| !(near(start, &before[0]) && near(end, &before[1])))
     }
 
     fn rebuild(&mut self, segments: &Segments<'_>, moved: bool) -> Result<(), ContactError> {
-        let skin = self.settings.skin;
-        let periodic = self.settings.periodic;
-        let found = search(&self.communicator, segments, &periodic, skin)?;
+        let reach = self.settings.skin + self.law.far.range();
+        let found = search(&self.communicator, segments, &self.images(), reach)?;
         let published = if moved { self.records() } else { Vec::new() };
         let known = self.springs(|_| true);
-        self.walls.rebuild(segments, skin);
+        self.walls.rebuild(segments, reach, self.time);
         let pair_keys = found.pairs.iter().map(|pair| pair.ids);
         let wanted: Vec<[u64; 2]> = pair_keys.chain(self.walls.keys(segments.ids)).collect();
         let springs = carry(&self.communicator, known, &published, &wanted, moved);
@@ -178,6 +224,8 @@ impl ContactSystem {
         self.built = Some(Built {
             ids: segments.ids.to_vec(),
             ends: ends.map(|(start, end)| [*start, *end]).collect(),
+            time: self.time,
+            reach: found.reach,
         });
         self.pending.clear();
         self.totals.rebuilds += 1;
@@ -240,21 +288,24 @@ impl ContactSystem {
         self.halo.update(&mut self.states);
         self.respond(dt);
         self.gather(loads);
-        self.totals.walls = self.walls.forces(segments, &self.law, dt, loads);
+        let walls = &mut self.totals.walls;
+        self.walls
+            .forces(segments, &self.law, self.time, dt, loads, walls);
         self.totals.dissipated += self.totals.walls.dissipated + self.own_sums()[2];
     }
 
     fn respond(&mut self, dt: f64) {
         let (states, constants) = (&self.states, &self.constants);
-        let (law, periodic) = (&self.law, &self.settings.periodic);
+        let (law, images) = (&self.law, self.images());
+        let far = (law.far.range(), law.far.scale());
         self.pairs.par_iter_mut().for_each(|pair| {
             let [i, j] = pair.local.map(|x| x as usize);
             let (a, mut b) = (states[i].ends(), states[j].ends());
-            let shift = image_shift(periodic, &a, &b);
-            b.iter_mut().for_each(|end| *end -= shift);
+            let image = images.beside(&a, &b);
+            b.iter_mut().for_each(|end| *end -= image.shift);
             let ([radius_a, mass_a], [radius_b, mass_b]) = (constants[i], constants[j]);
             let reach = radius_a + radius_b;
-            let Some(points) = contact_points(&a, &b, reach) else {
+            let Some(points) = near_points(&a, &b, reach, far.0, far.1) else {
                 pair.spring = Vector3::zeros();
                 pair.contact = None;
                 return;
@@ -279,10 +330,11 @@ impl ContactSystem {
             let touch = Touch {
                 normal,
                 overlap,
-                velocity: velocity(&states[i], 0) - velocity(&states[j], 1),
+                velocity: velocity(&states[i], 0) - velocity(&states[j], 1) + image.velocity,
                 spin: 0.5 * (spins[0] + spins[1]),
                 mass: 1.0 / (compliance(at[0], mass_a) + compliance(at[1], mass_b)),
                 share: 1.0,
+                facing: (far.0 > 0.0).then(|| Facing::axes(&a, &b, [radius_a, radius_b])),
             };
             pair.contact = Some(Contact {
                 response: law.respond(&touch, &mut pair.spring, dt),
@@ -301,6 +353,7 @@ impl ContactSystem {
                     let sign = if side == 0 { 1.0 } else { -1.0 };
                     let force = contact.response.force * sign;
                     load.add(&force, contact.at[side], &contact.arms[side]);
+                    load.torque += contact.response.couple * sign;
                 }
             }
         });
@@ -317,14 +370,20 @@ impl ContactSystem {
     /// step by √(1 + ζ²) − ζ. At least two contacts are assumed, so that the step does not fall at the first touch.
     /// Together with a beam of step Δt_b: 1/Δt² = 1/Δt_b² + 1/Δt_c².
     pub fn critical_step(&self, segments: &Segments<'_>) -> f64 {
-        let mut touching = vec![0u32; segments.ids.len()];
+        let mut touching = vec![(0u32, 0.0); segments.ids.len()];
+        let gap = self.law.far.contact_gap();
         if segments.ids.len() == self.halo.owned() {
-            self.walls.touched().for_each(|i| touching[i] += 1);
-            for (i, count) in touching.iter_mut().enumerate() {
-                let row = self.row(i).iter();
-                *count += row
-                    .filter(|&&e| self.pairs[(e >> 1) as usize].contact.is_some())
-                    .count() as u32;
+            for (i, stiffness, touches) in self.walls.stiffness() {
+                touching[i].0 += u32::from(touches);
+                touching[i].1 += stiffness;
+            }
+            for (i, (count, far)) in touching.iter_mut().enumerate() {
+                for &entry in self.row(i) {
+                    if let Some(contact) = &self.pairs[(entry >> 1) as usize].contact {
+                        *count += u32::from(contact.overlap > -gap);
+                        *far += contact.response.far_stiffness;
+                    }
+                }
             }
         }
         let friction = if self.law.friction > 0.0 {
@@ -332,14 +391,55 @@ impl ContactSystem {
         } else {
             0.0
         };
-        let stiffness = friction.max(4.0 * self.law.stiffness);
+        let spring = friction.max(4.0 * self.law.stiffness);
         let zeta = self.law.damping_ratio;
         let damped = 2.0 * ((1.0 + zeta * zeta).sqrt() - zeta);
-        let steps = touching
-            .iter()
-            .zip(segments.mass)
-            .map(|(&count, mass)| damped * (mass / (f64::from(count.max(2)) * stiffness)).sqrt());
+        let step = |(&(count, far), mass): (&(u32, f64), &f64)| {
+            let stiffness = f64::from(count.max(2)) * spring + 4.0 * far;
+            damped * (mass / stiffness).sqrt()
+        };
+        let steps = touching.iter().zip(segments.mass).map(step);
         self.communicator.min(steps.fold(f64::INFINITY, f64::min))
+    }
+
+    /// Counts the crossings of centre lines while their ends moved with the velocities of the last
+    /// [`ContactSystem::forces`] to their places then, for a time `moved` \[s\].
+    pub fn count_crossings(&mut self, moved: f64) {
+        let (owned, images) = (self.halo.owned(), self.images());
+        let of_pair = |pair: &Pair| {
+            let [i, j] = pair.local.map(|x| x as usize);
+            let (a, mut b) = (self.states[i].ends(), self.states[j].ends());
+            let image = images.beside(&a, &b);
+            b.iter_mut().for_each(|end| *end -= image.shift);
+            let back = |ends: &[Vector3; 2], state: &State, own: &Vector3| {
+                [0, 1].map(|k| ends[k] - (Vector3::from(state.velocities[k]) - own) * moved)
+            };
+            let before = [
+                back(&a, &self.states[i], &Vector3::zeros()),
+                back(&b, &self.states[j], &image.velocity),
+            ];
+            f64::from(crossings(&before, &[a, b]))
+        };
+        let count = block_sum(self.pairs.len(), |range| {
+            let own = self.pairs[range].iter();
+            let own = own.filter(|pair| (pair.local[0] as usize) < owned);
+            own.map(of_pair).sum()
+        });
+        self.totals.crossings += count;
+    }
+
+    /// Whether the settings ask for [`ContactSystem::count_crossings`].
+    pub fn counts_crossings(&self) -> bool {
+        self.settings.count_crossings
+    }
+
+    /// Force of the fibres on each wall in the last step, over all ranks \[N\]. Collective.
+    pub fn wall_forces(&self) -> Vec<Vector3> {
+        let own = &self.totals.walls.force;
+        let mut sums: Vec<f64> = own.iter().flat_map(|f| [f.x, f.y, f.z]).collect();
+        sums.resize(3 * self.settings.walls.len(), 0.0);
+        self.communicator.sum_slice(&mut sums);
+        sums.chunks(3).map(Vector3::from_row_slice).collect()
     }
 
     /// Figures of the last step over all ranks. Collective.
@@ -355,6 +455,8 @@ impl ContactSystem {
             stored + walls.stored,
             self.totals.dissipated,
             self.totals.tests as f64,
+            walls.work,
+            self.totals.crossings,
         ];
         self.communicator.sum_slice(&mut sums);
         let deepest = block_max(self.pairs.len(), |range| {
@@ -368,6 +470,8 @@ impl ContactSystem {
             max_overlap: self.communicator.max(deepest.max(walls.max_overlap)),
             stored_energy: sums[3],
             dissipated_energy: sums[4],
+            wall_work: sums[6],
+            crossings: sums[7] as usize,
             rebuilds: self.totals.rebuilds,
             tests: sums[5] as usize,
         }
@@ -375,14 +479,14 @@ impl ContactSystem {
 
     /// Number, stored energy and loss of the contacts whose first segment is owned.
     fn own_sums(&self) -> [f64; 3] {
-        let owned = self.halo.owned();
+        let (owned, gap) = (self.halo.owned(), self.law.far.contact_gap());
         block_sums(self.pairs.len(), |range| {
             let mut sums = [0.0; 3];
             for pair in &self.pairs[range] {
                 if let Some(contact) = &pair.contact
                     && (pair.local[0] as usize) < owned
                 {
-                    sums[0] += 1.0;
+                    sums[0] += f64::from(u8::from(contact.overlap > -gap));
                     sums[1] += contact.response.stored;
                     sums[2] += contact.response.dissipated;
                 }

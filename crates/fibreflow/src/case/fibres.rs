@@ -145,39 +145,6 @@ pub struct PointLoad {
     pub force: [f64; 3],
 }
 
-/// Contacts between segments and with walls: linear spring, damping, Coulomb friction.
-#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Contact {
-    /// Normal stiffness [N/m].
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub stiffness: f64,
-    /// Tangential by normal stiffness.
-    #[serde(default = "tangential_ratio")]
-    #[schemars(range(min = 0.0))]
-    pub tangential_ratio: f64,
-    /// Damping ratio of the contact oscillator; 1 is critical.
-    #[serde(default = "contact_damping")]
-    #[schemars(range(min = 0.0, max = 5.0))]
-    pub damping: f64,
-    /// Coefficient of friction.
-    #[serde(default)]
-    #[schemars(range(min = 0.0))]
-    pub friction: f64,
-    /// Pairs nearer than this beyond touching are kept between searches [m]. Default: the largest diameter.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub skin: Option<f64>,
-}
-
-fn tangential_ratio() -> f64 {
-    2.0 / 7.0
-}
-
-fn contact_damping() -> f64 {
-    0.1
-}
-
 /// Drag and torque laws.
 #[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]

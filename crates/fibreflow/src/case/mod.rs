@@ -8,6 +8,7 @@
 #![allow(rustdoc::broken_intra_doc_links)]
 
 mod boundary;
+mod contact;
 mod document;
 mod error;
 mod fibres;
@@ -20,11 +21,12 @@ mod schema;
 mod validate;
 
 pub use boundary::{Boundary, Factor, Profile};
+pub use contact::{Contact, ContactWall, Lubrication, LubricationModel, Repulsion, VanDerWaals};
 pub use document::{Document, Place};
 pub use error::CaseError;
 pub use fibres::{
-    AmbientFlow, Clamp, Contact, Coupling, CouplingMode, DragLaw, FibreGroup, Gravity,
-    Hydrodynamics, Orientation, Placement, PointLoad, Shape, TorqueLaw,
+    AmbientFlow, Clamp, Coupling, CouplingMode, DragLaw, FibreGroup, Gravity, Hydrodynamics,
+    Orientation, Placement, PointLoad, Shape, TorqueLaw,
 };
 pub use fluid::{
     ChannelProfile, Diffusion, Fluid, Forcing, Inertia, Initial, Kernels, Mass, Poisson,
@@ -230,5 +232,31 @@ placement = { kind = "random", count = 3, seed = 1 }
         );
         let message = complaint(GOOD, &["fibres.0.diameter=0.2"]);
         assert!(message.contains("fibres[0].diameter"), "{message}");
+    }
+
+    #[test]
+    fn contact_laws_are_checked() {
+        let with = |text: &str| {
+            complaint(
+                &format!("{GOOD}\n[contact]\nstiffness = 1.0\n{text}\n"),
+                &[],
+            )
+        };
+        let message = with("lubrication = { roughness = 1e-3, range = 1e-4 }");
+        assert!(
+            message.contains("contact.lubrication.roughness = 0.001")
+                && message.contains("below the range"),
+            "{message}"
+        );
+        let message = with("repulsion = { strength = -1, decay = 1e-4, range = 1e-3 }");
+        assert!(
+            message.contains("contact.repulsion.strength = -1"),
+            "{message}"
+        );
+        let message = with("walls = [{ kind = \"tube\", point = [0, 0, 0] }]");
+        assert!(
+            message.contains("contact.walls[0].kind") && message.contains("pipe"),
+            "{message}"
+        );
     }
 }

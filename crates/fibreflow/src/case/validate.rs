@@ -1,7 +1,8 @@
 //! Rules that no schema can say: which keys go together, what must fit into what.
 
 use super::{
-    Case, CaseError, Document, Exact, Forcing, Initial, MeshSource, Placement, Schedule, schema,
+    Case, CaseError, ContactWall, Document, Exact, Forcing, Initial, MeshSource, Placement,
+    Schedule, schema,
 };
 
 type Checked = Result<(), Box<CaseError>>;
@@ -22,7 +23,45 @@ pub(super) fn validate(case: &Case, document: &Document) -> Checked {
         check_schedule(name, schedule, document)?;
     }
     check_loads(case, document)?;
+    check_contact(case, document)?;
     check_exact(case, document)
+}
+
+fn check_contact(case: &Case, document: &Document) -> Checked {
+    let Some(contact) = &case.contact else {
+        return Ok(());
+    };
+    let ordered = [
+        contact
+            .repulsion
+            .as_ref()
+            .map(|r| ("repulsion.contact_gap", r.contact_gap, r.range)),
+        contact
+            .van_der_waals
+            .as_ref()
+            .map(|v| ("van_der_waals.closest", v.closest, v.range)),
+        contact
+            .lubrication
+            .as_ref()
+            .map(|l| ("lubrication.roughness", l.roughness, l.range)),
+    ];
+    for (key, inner, range) in ordered.into_iter().flatten() {
+        if inner >= range {
+            let path = format!("contact.{key}");
+            let message = format!("`{path} = {inner}` is not below the range, {range}");
+            return Err(document.value_error(&path, message));
+        }
+    }
+    let patches = |wall: &ContactWall| matches!(wall, ContactWall::Patches { .. });
+    let walls = contact.walls.as_deref().unwrap_or_default();
+    match walls.iter().position(patches) {
+        Some(k) if case.mesh.is_none() => {
+            let path = format!("contact.walls[{k}].names");
+            let error = document.error(&path, "patches as walls need a mesh");
+            Err(error.with_help("kind = \"plane\" or kind = \"pipe\" without one"))
+        }
+        _ => Ok(()),
+    }
 }
 
 fn check_loads(case: &Case, document: &Document) -> Checked {
@@ -337,6 +376,17 @@ pub fn validate_patches(case: &Case, document: &Document, patches: &[String]) ->
             Some(near) => format!("did you mean `{near}`? {all}"),
             None => all,
         }));
+    }
+    let walls = case.contact.iter().filter_map(|c| c.walls.as_ref());
+    for (k, wall) in walls.flatten().enumerate() {
+        let ContactWall::Patches { names } = wall else {
+            continue;
+        };
+        if let Some(name) = names.iter().find(unknown) {
+            let path = format!("contact.walls[{k}].names");
+            let message = format!("`{path}`: the mesh has no patch `{name}`");
+            return Err(document.value_error(&path, message).with_help(all));
+        }
     }
     match known.iter().find(|p| !fluid.boundaries.contains_key(**p)) {
         None => Ok(()),

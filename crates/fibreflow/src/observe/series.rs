@@ -27,7 +27,7 @@ const FLUID: [&str; 14] = [
     "outside_points",
     "momentum_defect",
 ];
-const FIBRES: [&str; 12] = [
+const FIBRES: [&str; 16] = [
     "substeps",
     "kinetic_energy",
     "stretching_energy",
@@ -40,6 +40,10 @@ const FIBRES: [&str; 12] = [
     "contacts",
     "wall_contacts",
     "max_overlap",
+    "contact_energy",
+    "contact_loss",
+    "wall_work",
+    "crossings",
 ];
 const TRACK: [&str; 9] = [
     "centre_x",
@@ -118,7 +122,13 @@ impl AllSeries {
             let contacts = contacts.unwrap_or_default();
             let counts = [contacts.contacts, contacts.wall_contacts];
             line.extend(counts.map(|n| n as f64));
-            line.push(contacts.max_overlap);
+            line.extend([
+                contacts.max_overlap,
+                contacts.stored_energy,
+                contacts.dissipated_energy,
+                contacts.wall_work,
+                contacts.crossings as f64,
+            ]);
             put(&mut self.fibres, clock, &line)?;
             for (id, series) in &mut self.tracks {
                 let mut values = track_values(fibres, *id);

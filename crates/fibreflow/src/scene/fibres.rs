@@ -1,20 +1,16 @@
 //! The fibres of a case, placed.
 
-use crate::case::{
-    self, Case, Clamp, Contact, Domain, DragLaw, FibreGroup, Placement, Shape, TorqueLaw,
-};
+use crate::case::{self, Case, Clamp, Domain, DragLaw, FibreGroup, Placement, Shape, TorqueLaw};
 use crate::error::ProgramError;
 use fibreflow_coupling::FibreLoad;
-use fibreflow_fibre::contact::{ContactSettings, NormalDamping, Wall};
+use fibreflow_fibre::contact::ContactSettings;
 use fibreflow_fibre::hydrodynamics::{DragModel, FluidProperties, SlenderConstants, TorqueModel};
 use fibreflow_fibre::placement::{
     Amount, CentreLine, Orientation, PlacementDomain, PlacementSettings, place_random,
 };
 use fibreflow_fibre::{
-    Equilibrium, Fibre, FibreSettings, FibreSystem, Hydrodynamics, Material, PeriodicBox, Points,
-    Support,
+    Equilibrium, Fibre, FibreSettings, FibreSystem, Hydrodynamics, Material, Points, Support,
 };
-use fibreflow_mesh::Periods;
 use fibreflow_parallel::Communicator;
 use nalgebra::Vector3;
 
@@ -31,7 +27,7 @@ const ATTEMPTS: usize = 100_000;
 pub fn place(
     case: &Case,
     spacing: f64,
-    periods: &Periods,
+    contacts: Option<ContactSettings>,
     communicator: &Communicator,
 ) -> Result<Option<(FibreSystem, usize)>, ProgramError> {
     if case.fibres.is_empty() {
@@ -51,7 +47,7 @@ pub fn place(
         .map(|((group, nodes), id)| (fibre(id as u64, group, nodes), group))
         .collect();
     let fibres = mine.iter().map(|(fibre, _)| fibre.clone()).collect();
-    let settings = settings(case, spacing, periods);
+    let settings = settings(case, spacing, contacts);
     let made = FibreSystem::new(communicator.clone(), settings, fibres);
     let mut system = made.map_err(ProgramError::input)?;
     for (fibre, group) in &mine {
@@ -165,7 +161,7 @@ fn fibre(id: u64, group: &FibreGroup, nodes: Vec<Vector3<f64>>) -> Fibre {
     }
 }
 
-fn settings(case: &Case, spacing: f64, periods: &Periods) -> FibreSettings {
+fn settings(case: &Case, spacing: f64, contacts: Option<ContactSettings>) -> FibreSettings {
     let fluid = match (&case.fluid, &case.ambient) {
         (Some(fluid), _) => (fluid.density, fluid.viscosity),
         (None, Some(ambient)) => (ambient.density, ambient.viscosity),
@@ -193,47 +189,9 @@ fn settings(case: &Case, spacing: f64, periods: &Periods) -> FibreSettings {
             },
             point_spacing: spacing,
         }),
-        contacts: case.contact.as_ref().map(|c| contacts(c, case, periods)),
+        contacts,
         ..FibreSettings::default()
     }
-}
-
-fn contacts(contact: &Contact, case: &Case, periods: &Periods) -> ContactSettings {
-    let thickest = case.fibres.iter().map(|g| g.diameter).fold(0.0, f64::max);
-    let domain = case.domain();
-    // Planes of a box; the walls of other meshes hold fibres by the flow alone.
-    let walls = domain.as_ref().map_or_else(Vec::new, walls);
-    // Along axes only: a sheared lattice has no box.
-    let length = |c: usize| Some(periods.vectors[c][c]).filter(|l| *l > 0.0);
-    ContactSettings {
-        normal_stiffness: contact.stiffness,
-        damping: NormalDamping::Ratio(contact.damping),
-        friction: contact.friction,
-        tangential_ratio: contact.tangential_ratio,
-        skin: contact.skin.unwrap_or(thickest),
-        walls,
-        periodic: PeriodicBox {
-            origin: domain.map_or_else(Vector3::zeros, |d| d.origin.into()),
-            lengths: [length(0), length(1), length(2)],
-        },
-    }
-}
-
-/// The faces of the directions that are not periodic.
-fn walls(domain: &Domain) -> Vec<Wall> {
-    let mut walls = Vec::new();
-    for c in (0..3).filter(|&c| !domain.periodic[c]) {
-        for (side, sign) in [(0.0, 1.0), (domain.size[c], -1.0)] {
-            let mut wall = Wall {
-                point: domain.origin.into(),
-                normal: Vector3::zeros(),
-            };
-            wall.point[c] += side;
-            wall.normal[c] = sign;
-            walls.push(wall);
-        }
-    }
-    walls
 }
 
 /// Length of the fibres of a group \[m\].

@@ -1,6 +1,7 @@
 //! What a case describes, ready to be advanced: flow, fibres, coupling.
 
 mod boundary;
+mod contacts;
 mod csv;
 mod exact;
 mod expression;
@@ -56,10 +57,11 @@ impl Scene {
         let mesh_checksum = mesh.as_ref().map(|m| m.checksum);
         let periods = periods(case, mesh.as_ref());
         let spacing = mesh.as_ref().map_or(f64::INFINITY, SceneMesh::spacing);
+        let contacts = contacts::settings(case, mesh.as_ref(), &periods);
         let flow = agree(communicator, Flow::new(case, document, mesh, folder))?;
         let placed = agree(
             communicator,
-            fibres::place(case, spacing, &periods, communicator),
+            fibres::place(case, spacing, contacts, communicator),
         )?;
         let fibre_count = placed.as_ref().map_or(0, |p| p.1);
         let mut scene = Self {

@@ -1,4 +1,5 @@
 use super::*;
+use crate::PeriodicBox;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -52,9 +53,10 @@ impl Cloud {
         }
     }
 
-    /// All pairs by comparing everything with all 27 images.
-    fn brute_force(&self, periodic: &PeriodicBox, skin: f64) -> Vec<[u64; 2]> {
+    /// All pairs by comparing everything with all 27 images; the box above is `ahead` along x.
+    fn brute_force(&self, periodic: &PeriodicBox, ahead: f64, skin: f64) -> Vec<[u64; 2]> {
         let mut pairs = Vec::new();
+        let length = |axis: usize| periodic.lengths[axis].unwrap_or(0.0);
         for i in 0..self.ids.len() {
             for j in i + 1..self.ids.len() {
                 if self.ids[i] >> SEGMENT_BITS == self.ids[j] >> SEGMENT_BITS {
@@ -62,13 +64,16 @@ impl Cloud {
                 }
                 let a = [self.start[i], self.end[i]];
                 let b = [self.start[j], self.end[j]];
-                let nearest = periodic.nearest_period(&(b[0] - a[0]));
-                let period = |axis: usize, k: i32| {
-                    periodic.lengths[axis].map_or(0.0, |l| l * f64::from(k % 3 - 1))
-                };
+                let layers = periodic.nearest_period(&(b[0] - a[0])).y;
+                let tilt = periodic.lengths[1].map_or(0.0, |l| ahead / l);
+                let above = Vector3::new(layers * tilt, layers, 0.0);
+                let nearest = above + periodic.nearest_period(&(b[0] - a[0] - above));
+                let step = |k: i32| f64::from(k % 3 - 1);
                 let distance = (0..27)
                     .map(|k| {
-                        let image = Vector3::new(period(0, k), period(1, k / 3), period(2, k / 9));
+                        let x = step(k) * length(0) + step(k / 3) * ahead;
+                        let image =
+                            Vector3::new(x, step(k / 3) * length(1), step(k / 9) * length(2));
                         closest_points(&a, &b.map(|x| x - nearest + image)).distance
                     })
                     .fold(f64::INFINITY, f64::min);
@@ -79,6 +84,10 @@ impl Cloud {
         }
         pairs
     }
+}
+
+fn upright(periodic: &PeriodicBox) -> Images {
+    Images::new(periodic, 0.0, 0.0)
 }
 
 fn cube(edge: f64, repeats: [bool; 3]) -> PeriodicBox {
@@ -104,11 +113,33 @@ fn the_pairs_are_those_of_brute_force() {
         for edge in [3.4, 4.1, 7.3] {
             let cloud = Cloud::random(300, edge, repeats, seed as u64);
             let periodic = cube(edge, repeats);
-            let found = search(&one, &cloud.segments(), &periodic, 0.1).expect("search");
+            let found = search(&one, &cloud.segments(), &upright(&periodic), 0.1).expect("search");
             let ids: Vec<_> = found.pairs.iter().map(|p| p.ids).collect();
-            let expected = cloud.brute_force(&periodic, 0.1);
+            let expected = cloud.brute_force(&periodic, 0.0, 0.1);
             assert!(expected.len() > 20, "{} pairs", expected.len());
             assert_eq!(ids, expected);
+        }
+    }
+}
+
+#[test]
+fn the_pairs_in_a_sheared_box_are_those_of_brute_force() {
+    let one = Communicator::single();
+    for (seed, repeats) in [[true; 3], [false, true, true], [true, true, false]]
+        .into_iter()
+        .enumerate()
+    {
+        for strain in [0.0, 0.21, 0.49, 0.5, 0.8, -3.3] {
+            let edge = 3.7;
+            let cloud = Cloud::random(300, edge, repeats, 40 + seed as u64);
+            let periodic = cube(edge, repeats);
+            let images = Images::new(&periodic, 1.0, strain);
+            let found = search(&one, &cloud.segments(), &images, 0.1).expect("search");
+            let ids: Vec<_> = found.pairs.iter().map(|p| p.ids).collect();
+            let whole = if repeats[0] { f64::round(strain) } else { 0.0 };
+            let expected = cloud.brute_force(&periodic, edge * (strain - whole), 0.1);
+            assert!(expected.len() > 20, "{} pairs", expected.len());
+            assert_eq!(ids, expected, "strain {strain}");
         }
     }
 }
@@ -119,7 +150,12 @@ fn the_cost_is_linear_in_the_number_of_segments() {
     let cost = |count: usize| {
         let edge = (count as f64 / 2.0).cbrt();
         let cloud = Cloud::random(count, edge, [true; 3], 5);
-        let found = search(&one, &cloud.segments(), &cube(edge, [true; 3]), 0.1);
+        let found = search(
+            &one,
+            &cloud.segments(),
+            &upright(&cube(edge, [true; 3])),
+            0.1,
+        );
         found.expect("search").tests as f64 / count as f64
     };
     let (few, many) = (cost(2_000), cost(32_000));
@@ -143,7 +179,12 @@ fn neighbours_along_a_fibre_are_left_out_and_distant_segments_are_not() {
         mass: vec![1.0; count],
     };
     let periodic = PeriodicBox::unbounded();
-    let found = search(&Communicator::single(), &cloud.segments(), &periodic, 0.1);
+    let found = search(
+        &Communicator::single(),
+        &cloud.segments(),
+        &upright(&periodic),
+        0.1,
+    );
     let found = found.expect("search").pairs;
     let index = |id: u64| id & ((1 << SEGMENT_BITS) - 1);
     let has = |a: u64, b: u64| {
@@ -160,7 +201,7 @@ fn a_box_in_which_two_images_could_touch_is_refused() {
     let error = search(
         &Communicator::single(),
         &cloud.segments(),
-        &cube(1.5, [false, true, false]),
+        &upright(&cube(1.5, [false, true, false])),
         0.1,
     );
     assert!(matches!(
@@ -172,7 +213,7 @@ fn a_box_in_which_two_images_could_touch_is_refused() {
     let error = search(
         &Communicator::single(),
         &cloud.segments(),
-        &PeriodicBox::unbounded(),
+        &upright(&PeriodicBox::unbounded()),
         0.1,
     );
     assert_eq!(error.err(), Some(ContactError::NonFinite));

@@ -84,13 +84,10 @@ impl Rods {
 
 fn settings() -> ContactSettings {
     ContactSettings {
-        normal_stiffness: 1e4,
         damping: NormalDamping::Restitution(0.8),
         friction: 0.3,
         tangential_ratio: 0.5,
-        skin: 0.1,
-        walls: Vec::new(),
-        periodic: PeriodicBox::unbounded(),
+        ..ContactSettings::new(1e4, 0.1)
     }
 }
 
@@ -177,10 +174,7 @@ fn a_rod_on_an_incline_sticks_below_the_friction_angle_and_slides_above() {
         );
         let mut contacts = contacts(ContactSettings {
             damping: NormalDamping::Ratio(1.0),
-            walls: vec![Wall {
-                point: Vector3::zeros(),
-                normal: 2.0 * Vector3::z(),
-            }],
+            walls: vec![Wall::plane(Vector3::zeros(), 2.0 * Vector3::z())],
             ..settings()
         });
         let gravity = weight * Vector3::new(angle.sin(), 0.0, -angle.cos());
@@ -245,10 +239,7 @@ fn wall_springs_survive_a_restart_too() {
     let height = 0.099 * Vector3::z();
     rods.push([height, height + Vector3::x()], Vector3::y(), 0.1, 1.0);
     let with_wall = ContactSettings {
-        walls: vec![Wall {
-            point: Vector3::zeros(),
-            normal: Vector3::z(),
-        }],
+        walls: vec![Wall::plane(Vector3::zeros(), Vector3::z())],
         ..settings()
     };
     let mut first = contacts(with_wall.clone());
@@ -303,10 +294,7 @@ fn the_critical_step_bounds_the_stable_steps() {
     let bounce = |factor: f64| {
         let mut rods = Rods::default();
         // A rod held by two walls, loaded at an end: the stiffest motion.
-        let wall = |z: f64| Wall {
-            point: z * Vector3::z(),
-            normal: -z * Vector3::z(),
-        };
+        let wall = |z: f64| Wall::plane(z * Vector3::z(), -z * Vector3::z());
         rods.push([Vector3::zeros(), Vector3::x()], Vector3::zeros(), 0.1, 1.0);
         rods.start_velocity[0].z = 1e-3;
         let mut contacts = contacts(ContactSettings {
@@ -341,10 +329,7 @@ fn settings_are_checked() {
     assert!(refused(&|s| s.friction = f64::NAN).contains("friction"));
     assert!(refused(&|s| s.skin = 0.0).contains("skin"));
     assert!(refused(&|s| s.damping = NormalDamping::Restitution(1.2)).contains("restitution"));
-    let wall = |normal| Wall {
-        point: Vector3::zeros(),
-        normal,
-    };
+    let wall = |normal| Wall::plane(Vector3::zeros(), normal);
     assert!(refused(&|s| s.walls = vec![wall(Vector3::zeros())]).contains("wall 0"));
     assert!(
         refused(&|s| {

@@ -1,0 +1,129 @@
+//! The contacts of a case: laws, and the walls that hold its fibres.
+
+use super::mesh::SceneMesh;
+use crate::case::{self, AmbientFlow, Case, Contact, ContactWall, Domain};
+use fibreflow_fibre::PeriodicBox;
+use fibreflow_fibre::contact::{
+    ContactSettings, Lubrication, LubricationModel, NormalDamping, Repulsion, VanDerWaals, Wall,
+};
+use fibreflow_mesh::Periods;
+use nalgebra::Vector3;
+
+/// The settings of a case with `[contact]`. Collective.
+pub fn settings(
+    case: &Case,
+    mesh: Option<&SceneMesh>,
+    periods: &Periods,
+) -> Option<ContactSettings> {
+    let contact = case.contact.as_ref()?;
+    let thickest = case.fibres.iter().map(|g| g.diameter).fold(0.0, f64::max);
+    let domain = case.domain();
+    let walls = match &contact.walls {
+        Some(walls) => walls.iter().map(|wall| given_wall(wall, mesh)).collect(),
+        None => domain.as_ref().map_or_else(Vec::new, faces),
+    };
+    // Along axes only: a sheared lattice has no box.
+    let length = |c: usize| Some(periods.vectors[c][c]).filter(|l| *l > 0.0);
+    Some(ContactSettings {
+        damping: NormalDamping::Ratio(contact.damping),
+        friction: contact.friction,
+        tangential_ratio: contact.tangential_ratio,
+        repulsion: contact.repulsion.as_ref().map(repulsion),
+        van_der_waals: contact.van_der_waals.as_ref().map(van_der_waals),
+        lubrication: lubrication(contact, case),
+        walls,
+        shear_rate: shear_rate(case),
+        count_crossings: contact.count_crossings,
+        periodic: PeriodicBox {
+            origin: domain.map_or_else(Vector3::zeros, |d| d.origin.into()),
+            lengths: [length(0), length(1), length(2)],
+        },
+        ..ContactSettings::new(contact.stiffness, contact.skin.unwrap_or(thickest))
+    })
+}
+
+fn repulsion(given: &case::Repulsion) -> Repulsion {
+    Repulsion {
+        strength: given.strength,
+        decay: given.decay,
+        attraction: given.attraction,
+        attraction_width: given.attraction_width.unwrap_or(given.decay),
+        range: given.range,
+        contact_gap: given.contact_gap,
+    }
+}
+
+fn van_der_waals(given: &case::VanDerWaals) -> VanDerWaals {
+    VanDerWaals {
+        hamaker: given.hamaker,
+        closest: given.closest,
+        range: given.range,
+    }
+}
+
+fn lubrication(contact: &Contact, case: &Case) -> Option<Lubrication> {
+    let given = contact.lubrication.as_ref()?;
+    let fluid = case.fluid.as_ref().map(|fluid| fluid.viscosity);
+    let around = fluid.or(case.ambient.as_ref().map(|ambient| ambient.viscosity));
+    Some(Lubrication {
+        viscosity: given.viscosity.or(around)?,
+        roughness: given.roughness,
+        range: given.range,
+        model: match given.model {
+            case::LubricationModel::Cylinders => LubricationModel::Cylinders,
+            case::LubricationModel::Spheres => LubricationModel::Spheres,
+        },
+    })
+}
+
+/// In a prescribed shear flow a box that repeats along y is sheared with the flow.
+fn shear_rate(case: &Case) -> f64 {
+    match &case.ambient {
+        Some(ambient) => match (&ambient.flow, &ambient.domain) {
+            (AmbientFlow::Shear { rate }, Some(domain)) if domain.periodic[1] => *rate,
+            _ => 0.0,
+        },
+        None => 0.0,
+    }
+}
+
+fn given_wall(wall: &ContactWall, mesh: Option<&SceneMesh>) -> Wall {
+    match wall {
+        ContactWall::Plane {
+            point,
+            normal,
+            velocity,
+        } => Wall {
+            velocity: (*velocity).into(),
+            ..Wall::plane((*point).into(), (*normal).into())
+        },
+        ContactWall::Pipe {
+            point,
+            axis,
+            radius,
+        } => Wall::pipe((*point).into(), (*axis).into(), *radius),
+        ContactWall::Patches { names } => {
+            let triangles = mesh.map_or_else(Vec::new, |mesh| {
+                let patches = mesh.local.patches.iter().enumerate();
+                let wanted = patches.filter(|(_, patch)| names.contains(patch));
+                let wanted: Vec<usize> = wanted.map(|(index, _)| index).collect();
+                fibreflow_mesh::facets(&mesh.local, &wanted)
+            });
+            let corner = |x: [f64; 3]| Vector3::from(x);
+            Wall::facets(triangles.into_iter().map(|t| t.map(corner)).collect())
+        }
+    }
+}
+
+/// The faces of the directions that are not periodic.
+fn faces(domain: &Domain) -> Vec<Wall> {
+    let mut walls = Vec::new();
+    for c in (0..3).filter(|&c| !domain.periodic[c]) {
+        for (side, sign) in [(0.0, 1.0), (domain.size[c], -1.0)] {
+            let mut point = Vector3::from(domain.origin);
+            point[c] += side;
+            walls.push(Wall::plane(point, Vector3::ith(c, sign)));
+        }
+    }
+    walls
+}
