@@ -8,6 +8,9 @@ const PARALLEL: f64 = 1e-28;
 /// An axis shorter than this fraction of the pair's extent is a point.
 const POINT: f64 = 1e-15;
 
+/// Each reduces the error of the contact point by a factor of three at least.
+const REFINEMENTS: usize = 3;
+
 /// Points A(s) = a₀ + s(a₁ − a₀) and B(t) = b₀ + t(b₁ − b₀) on two axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClosestPoints {
@@ -25,17 +28,24 @@ pub struct ClosestPoints {
 ///
 /// Where parallel axes run side by side, the centre of the common part; a zero-length axis answers 0.5.
 pub fn closest_points(a: &[Vector3; 2], b: &[Vector3; 2]) -> ClosestPoints {
-    Axes::new(a, b).minimise(0.0)
+    Axes::new(a, b).closest()
 }
 
 /// The contact point of two capsules whose radii add up to `reach`; `None` when they do not overlap.
 ///
-/// Closest points jump from end to end when axes turn through the parallel. Here they minimise
-/// |A − B|² + ε²(|p|²(s − m)² + |q|²(t − n)²), with (m, n) the centre of the common part, which is strictly convex:
-/// the answer is a continuous function of the four ends. ε² = δ·reach/ℓ² spreads the jump over the tilts at which
-/// the overlap δ of the deepest point still reaches over the length ℓ, and vanishes with δ.
+/// Closest points jump from end to end when axes turn through the parallel. The contact point is where δ²g is largest,
+/// with δ = reach − |A − B| and the share g(s, t) = exp(−(s − ½)² − (t − ½)²). The logarithm of that is strictly concave,
+/// so the point is a continuous function of the four ends, moves over the tilts at which δ still reaches over the axes,
+/// and is the closest one in the limit of no overlap. A contact of energy ½kδ²g has the force kδg along B − A alone.
 pub fn contact_points(a: &[Vector3; 2], b: &[Vector3; 2], reach: f64) -> Option<ClosestPoints> {
     near_points(a, b, reach, 0.0, 0.0)
+}
+
+/// The share of a contact's stiffness at a place of the two axes: about one half at a common end of two segments, which
+/// both touch there.
+pub(super) fn share(points: &ClosestPoints) -> f64 {
+    let off = |x: f64| (x - 0.5) * (x - 0.5);
+    (-off(points.s) - off(points.t)).exp()
 }
 
 /// As [`contact_points`], up to a gap `range`, for forces that change over the length `scale`: the contact point moves as
@@ -48,16 +58,16 @@ pub(super) fn near_points(
     scale: f64,
 ) -> Option<ClosestPoints> {
     let axes = Axes::new(a, b);
-    let exact = axes.minimise(0.0);
-    let overlap = reach - exact.distance;
+    let mut points = axes.closest();
+    let overlap = reach - points.distance;
     if overlap.is_nan() || overlap <= -range {
         return None;
     }
-    let longest = axes.pp.max(axes.qq);
-    if longest == 0.0 {
-        return Some(exact);
+    // Stationary where |A − B|² + |A − B|δ((s − ½)² + (t − ½)²) is least, with the factor of the place itself.
+    for _ in 0..REFINEMENTS {
+        let depth = (reach - points.distance).max(0.0) + scale;
+        points = axes.minimise(points.distance * depth, [0.5; 2]);
     }
-    let points = axes.minimise((overlap.max(0.0) + scale) * reach / longest);
     (points.distance < reach + range).then_some(points)
 }
 
@@ -111,10 +121,14 @@ impl Axes {
         }
     }
 
-    /// Minimiser over the unit square of |A − B|² + ε²(|p|²(s − m)² + |q|²(t − n)²).
-    fn minimise(&self, epsilon_squared: f64) -> ClosestPoints {
-        let [m, n] = self.centre;
-        let (u2, v2) = (epsilon_squared * self.pp, epsilon_squared * self.qq);
+    fn closest(&self) -> ClosestPoints {
+        self.minimise(0.0, self.centre)
+    }
+
+    /// Minimiser over the unit square of |A − B|² + w((s − m)² + (t − n)²).
+    fn minimise(&self, weight: f64, [m, n]: [f64; 2]) -> ClosestPoints {
+        let weigh = |square: f64| if square > 0.0 { weight } else { 0.0 };
+        let (u2, v2) = (weigh(self.pp), weigh(self.qq));
         let (pp, qq) = (self.pp + u2, self.qq + v2);
         let f = u2 * m - self.p.dot(&self.offset);
         let g = v2 * n + self.q.dot(&self.offset);

@@ -2,7 +2,7 @@
 
 use crate::Vector3;
 use crate::contact::broad::{Found, search};
-use crate::contact::closest::near_points;
+use crate::contact::closest::{near_points, share};
 use crate::contact::crossing::crossings;
 use crate::contact::far::Facing;
 use crate::contact::images::Images;
@@ -333,7 +333,8 @@ impl ContactSystem {
                 velocity: velocity(&states[i], 0) - velocity(&states[j], 1) + image.velocity,
                 spin: 0.5 * (spins[0] + spins[1]),
                 mass: 1.0 / (compliance(at[0], mass_a) + compliance(at[1], mass_b)),
-                share: 1.0,
+                share: share(&points),
+                rub_share: 1.0,
                 facing: (far.0 > 0.0).then(|| Facing::axes(&a, &b, [radius_a, radius_b])),
             };
             pair.contact = Some(Contact {

@@ -321,7 +321,8 @@ impl Step<'_> {
                     0.5 * segments.mass[i]
                 },
                 share,
-                facing: (law.far.range() > 0.0).then(|| Facing::plane(radius, share * length)),
+                rub_share: share,
+                facing: (law.far.range() > 0.0).then(|| Facing::plane(radius, length)),
             };
             let response = law.respond(&touch, &mut candidate.springs[slot], *dt);
             loads[i].add(&response.force, near.at, &arm);
