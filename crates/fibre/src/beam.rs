@@ -22,6 +22,10 @@
 
 use crate::{Quaternion, Vector3};
 
+mod tangent;
+
+pub use tangent::SegmentStiffness;
+
 /// Constants of one segment: stiffness over rest length and the stress-free end frames.
 #[derive(Clone, Copy, Debug)]
 pub struct Segment {
@@ -153,6 +157,16 @@ fn squared_angle_slope(a: &Vector3, b: &Vector3) -> f64 {
     let c = &SQUARED_ANGLE;
     c[0] + s
         * (2.0 * c[1] + s * (3.0 * c[2] + s * (4.0 * c[3] + s * (5.0 * c[4] + s * (6.0 * c[5])))))
+}
+
+/// First and second derivative of [`squared_angle`] by s = 1 − a·b.
+#[inline(always)]
+fn squared_angle_slopes(a: &Vector3, b: &Vector3) -> (f64, f64) {
+    let s = 0.5 * (a - b).norm_squared();
+    let c = &SQUARED_ANGLE;
+    let curvature =
+        2.0 * c[1] + s * (6.0 * c[2] + s * (12.0 * c[3] + s * (20.0 * c[4] + s * (30.0 * c[5]))));
+    (squared_angle_slope(a, b), curvature)
 }
 
 /// Arc tangent, by its series for the small angles of a fine chain.

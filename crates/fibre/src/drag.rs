@@ -43,8 +43,10 @@ pub struct Hydrodynamics {
 pub(crate) struct NodeDrag {
     /// Row of M + δt D, factored.
     row: BlockRow,
-    /// Σ N w Z u \[N\].
+    /// Σ N w Z u at the end of the step \[N\].
     drive: Vector3,
+    /// Its change in the step.
+    drive_change: Vector3,
     /// Σ N w R \[N·m·s\].
     spin_resistance: Matrix3,
     /// Σ N w (RΩ + T_s) \[N·m\].
@@ -58,6 +60,7 @@ impl NodeDrag {
         Self {
             row: BlockRow::zero(),
             drive: Vector3::zeros(),
+            drive_change: Vector3::zeros(),
             spin_resistance: Matrix3::zeros(),
             spin_drive: Vector3::zeros(),
             mean_velocity: Vector3::zeros(),
@@ -87,7 +90,7 @@ impl PointDrag {
     }
 }
 
-fn tensor(r: &Resistance, t: &Vector3) -> Matrix3 {
+pub(crate) fn tensor(r: &Resistance, t: &Vector3) -> Matrix3 {
     Matrix3::from_diagonal_element(r.normal) + t * t.transpose() * (r.axial - r.normal)
 }
 
@@ -128,9 +131,11 @@ impl Batch<'_> {
             let t = (self.position[i + 1] - self.position[i]).normalize();
             for (k, p) in range.enumerate() {
                 let xi = abscissa(k, count);
-                let u = &ambient.velocity[p];
+                let u = ambient.velocity[p];
                 let gradient = &ambient.gradient[p];
-                let slip = u - self.velocity[i] * (1.0 - xi) - self.velocity[i + 1] * xi;
+                let slip = ambient.velocity_at(p, 0.5)
+                    - self.velocity[i] * (1.0 - xi)
+                    - self.velocity[i + 1] * xi;
                 let torque = law.torque.torque(&t, gradient, &section, &law.fluid);
                 let point = PointDrag {
                     tangent: t,
@@ -145,11 +150,13 @@ impl Batch<'_> {
                 let z = tensor(&point.drag, &t);
                 let r = tensor(&point.spin_drag, &t);
                 let zu = z * u;
+                let change = ambient.change.get(p).map_or(Vector3::zeros(), |c| z * c);
                 let turning = r * spin(gradient) + point.strain_torque;
                 for (node, share) in [(i, 1.0 - xi), (i + 1, xi)] {
                     let drag = &mut self.drag[node];
                     drag.row.diagonal += z * (step * share * share);
                     drag.drive += zu * share;
+                    drag.drive_change += change * share;
                     drag.spin_resistance += r * share;
                     drag.spin_drive += turning * share;
                 }
@@ -170,8 +177,8 @@ impl Batch<'_> {
     }
 
     /// Changes one fibre's velocities by `load` and drag over `step`, adds `share` of the new ones to the means and
-    /// clears `load`.
-    pub fn kick_with_drag(&mut self, model: &Model, step: f64, share: f64) {
+    /// clears `load`; `moment` is the middle of the sub-step as a fraction of the step.
+    pub fn kick_with_drag(&mut self, model: &Model, step: f64, share: f64, moment: f64) {
         let nodes = &model.nodes[model.node_range(self.fibres.start)];
         let mut above = Vector3::zeros();
         for (i, node) in nodes.iter().enumerate() {
@@ -187,7 +194,8 @@ impl Batch<'_> {
             let impulse = if node.holds_translation {
                 *v
             } else {
-                *v * node.mass + (load.force + drag.drive) * step
+                let drive = drag.drive + drag.drive_change * (moment - 1.0);
+                *v * node.mass + (load.force + drive) * step
             };
             above = drag.row.diagonal * (impulse - drag.row.lower * above);
             *v = above;
@@ -212,8 +220,10 @@ impl Batch<'_> {
                 let xi = abscissa(k, count);
                 let point = &self.point_drag[p - first];
                 let t = &point.tangent;
-                let slip =
-                    ambient.velocity[p] - a.mean_velocity * (1.0 - xi) - b.mean_velocity * xi;
+                // The mean of a uniform change is that in the middle.
+                let slip = ambient.velocity_at(p, 0.5)
+                    - a.mean_velocity * (1.0 - xi)
+                    - b.mean_velocity * xi;
                 let turn = spin(&ambient.gradient[p]) - a.mean_spin * (1.0 - xi) - b.mean_spin * xi;
                 self.reaction_force[p - first] = -point.drag.force(t, &slip);
                 self.reaction_torque[p - first] =

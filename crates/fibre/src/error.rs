@@ -50,6 +50,12 @@ pub enum FibreError {
         /// `placed` or `equilibrium`.
         shape: &'static str,
     },
+    /// A rigid fibre is held somewhere.
+    #[error("fibre {fibre} is rigid and has supports; only flexible fibres can be held")]
+    RigidSupport {
+        /// Global id.
+        fibre: u64,
+    },
     /// The equilibrium shape has another number of nodes than the fibre.
     #[error("fibre {fibre} has {nodes} nodes but its equilibrium shape has {equilibrium}")]
     EquilibriumSize {
@@ -128,6 +134,14 @@ pub enum FibreError {
     /// A flow is given but no law for what it does.
     #[error("fibres in a flow need a hydrodynamic law in their settings")]
     NoHydrodynamics,
+    /// The implicit integrator finds no answer, however short its sub-step.
+    #[error("fibre {fibre}, centre ({:.6e}, {:.6e}, {:.6e}): the implicit integrator found no answer in its shortest sub-step", position.x, position.y, position.z)]
+    NoConvergence {
+        /// Global id.
+        fibre: u64,
+        /// Centre of mass \[m\].
+        position: Vector3,
+    },
     /// A position, velocity or rotation is not finite.
     #[error("fibre {fibre}, node {node}: non-finite {field} at position ({:.6e}, {:.6e}, {:.6e})", position.x, position.y, position.z)]
     NonFinite {

@@ -11,7 +11,10 @@ use crate::beam::{Motion as EndMotion, Pose, tangent};
 use crate::drag::{Hydrodynamics, NodeDrag, PointDrag};
 use crate::hydrodynamics::AmbientFlow;
 use crate::system::{Load, Model, Motion, NodeConstants, Scratch};
-use crate::{Ambient, FibreError, FibreSettings, FibreSystem, Quaternion, Reaction, Vector3};
+use crate::{
+    Ambient, FibreError, FibreSettings, FibreSystem, FlowFormula, Quaternion, Reaction, Vector3,
+};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// The moving state and scratch of a run of consecutive fibres.
 pub(crate) struct Batch<'a> {
@@ -241,7 +244,7 @@ fn turn(q: &mut Quaternion, w: &mut Vector3, flatness: f64, dt: f64) {
 
 /// (cos φ, sin φ / φ) from φ².
 #[inline(always)]
-fn half_turn(z: f64) -> (f64, f64) {
+pub(crate) fn half_turn(z: f64) -> (f64, f64) {
     if z < 4e-3 {
         let cosine = 1.0 - z * (0.5 - z * (1.0 / 24.0 - z * (1.0 / 720.0 - z / 40320.0)));
         let sinc = 1.0 - z * (1.0 / 6.0 - z * (1.0 / 120.0 - z * (1.0 / 5040.0 - z / 362_880.0)));
@@ -259,21 +262,30 @@ pub(crate) fn sub_steps(dt: f64, limit: f64) -> (usize, f64) {
     (n, dt / n as f64)
 }
 
+/// The flow at the points, and the formula that it comes from.
+pub(crate) type Given<'a> = (&'a Ambient, Option<FlowFormula<'a>>);
+
 /// The law and the flow at the points, for a step.
 #[derive(Clone, Copy)]
 pub(crate) struct Flow<'a> {
-    law: &'a Hydrodynamics,
-    ambient: &'a Ambient,
+    pub law: &'a Hydrodynamics,
+    pub ambient: &'a Ambient,
+    /// What `ambient` was taken from.
+    pub formula: Option<FlowFormula<'a>>,
 }
 
 impl<'a> Flow<'a> {
     pub fn new(
-        ambient: Option<&'a Ambient>,
+        given: Option<Given<'a>>,
         settings: &'a FibreSettings,
     ) -> Result<Option<Self>, FibreError> {
-        match (ambient, &settings.hydrodynamics) {
+        match (given, &settings.hydrodynamics) {
             (None, _) => Ok(None),
-            (Some(ambient), Some(law)) => Ok(Some(Self { law, ambient })),
+            (Some((ambient, formula)), Some(law)) => Ok(Some(Self {
+                law,
+                ambient,
+                formula,
+            })),
             (Some(_), None) => Err(FibreError::NoHydrodynamics),
         }
     }
@@ -300,7 +312,8 @@ impl Batch<'_> {
     pub fn sub_step(&mut self, model: &Model, drag: bool, k: usize, n: usize, step: f64) {
         self.add_forces(model);
         if drag {
-            self.kick_with_drag(model, step, 1.0 / n as f64);
+            let share = 1.0 / n as f64;
+            self.kick_with_drag(model, step, share, (k as f64 + 0.5) * share);
         } else {
             self.kick(model, step);
         }
@@ -324,8 +337,7 @@ impl FibreSystem {
         self.run(None, dt)
     }
 
-    /// Advances all fibres by `dt` \[s\] in the flow given at their points (those of [`FibreSystem::points`] now),
-    /// which is held over the step. Returns the mean force and torque on the fluid at the points; times `dt` that is
+    /// Advances all fibres by `dt` \[s\] in the flow given at their points (those of [`FibreSystem::points`] now). Returns the mean force and torque on the fluid at the points; times `dt` that is
     /// to round-off what the fibres took. Collective when the settings have contacts.
     ///
     /// # Errors
@@ -333,16 +345,18 @@ impl FibreSystem {
     /// name no law.
     pub fn advance(&mut self, ambient: &Ambient, dt: f64) -> Result<&Reaction, FibreError> {
         let points = self.point_count();
-        for given in [ambient.velocity.len(), ambient.gradient.len()] {
+        let change = Some(ambient.change.len()).filter(|&given| given > 0);
+        let given = [ambient.velocity.len(), ambient.gradient.len()];
+        for given in given.into_iter().chain(change) {
             if given != points {
                 return Err(FibreError::AmbientSize { points, given });
             }
         }
-        self.run(Some(ambient), dt)?;
+        self.run(Some((ambient, None)), dt)?;
         Ok(&self.reaction)
     }
 
-    /// Advances all fibres by `dt` \[s\] in a flow given by a formula, evaluated at the points now.
+    /// Advances all fibres by `dt` \[s\] in a steady flow given by a formula.
     ///
     /// # Errors
     /// As [`FibreSystem::advance`].
@@ -351,23 +365,34 @@ impl FibreSystem {
         flow: &AmbientFlow,
         dt: f64,
     ) -> Result<&Reaction, FibreError> {
+        self.advance_in(&|x, _| flow.at(x), dt)
+    }
+
+    /// Advances all fibres by `dt` \[s\] in a flow given by a formula, which may change in the step. The implicit
+    /// integrator evaluates it where and when its stages are, the explicit one where the points are now.
+    ///
+    /// # Errors
+    /// As [`FibreSystem::advance`].
+    pub fn advance_in(&mut self, flow: FlowFormula, dt: f64) -> Result<&Reaction, FibreError> {
         let mut points = std::mem::take(&mut self.points);
         let mut ambient = std::mem::take(&mut self.ambient);
         self.points(&mut points);
         ambient.velocity.clear();
         ambient.gradient.clear();
+        ambient.change.clear();
         for x in &points.position {
-            let (velocity, gradient) = flow.at(x);
-            ambient.velocity.push(velocity);
+            let ((first, _), (last, gradient)) = (flow(x, 0.0), flow(x, 1.0));
+            ambient.velocity.push(last);
             ambient.gradient.push(gradient);
+            ambient.change.push(last - first);
         }
-        let result = self.run(Some(&ambient), dt);
+        let result = self.run(Some((&ambient, Some(flow))), dt);
         self.points = points;
         self.ambient = ambient;
         result.map(|()| &self.reaction)
     }
 
-    fn run(&mut self, ambient: Option<&Ambient>, dt: f64) -> Result<(), FibreError> {
+    fn run(&mut self, given: Option<Given>, dt: f64) -> Result<(), FibreError> {
         if !(dt > 0.0 && dt.is_finite()) {
             return Err(FibreError::Setting {
                 setting: "time step",
@@ -376,9 +401,9 @@ impl FibreSystem {
             });
         }
         let result = match self.touching.take() {
-            None => self.run_apart(ambient, dt),
+            None => self.run_apart(given, dt),
             Some(mut touching) => {
-                let result = self.run_together(&mut touching, ambient, dt);
+                let result = self.run_together(&mut touching, given, dt);
                 self.touching = Some(touching);
                 result
             }
@@ -389,16 +414,11 @@ impl FibreSystem {
     }
 
     /// One step of every fibre for itself, through all its sub-steps while it is in cache.
-    fn run_apart(&mut self, ambient: Option<&Ambient>, dt: f64) -> Result<(), FibreError> {
-        let flow = Flow::new(ambient, &self.settings)?;
-        let model = &self.model;
-        let safety = self.settings.step_safety;
-        self.work = (0, 0);
-        for (f, fibre) in model.fibres.iter().enumerate() {
-            let (n, _) = sub_steps(dt, safety * fibre.critical_step);
-            let segments = model.segment_range(f).len();
-            self.work = (self.work.0.max(n), self.work.1 + n * segments);
-        }
+    fn run_apart(&mut self, given: Option<Given>, dt: f64) -> Result<(), FibreError> {
+        let flow = Flow::new(given, &self.settings)?;
+        let (model, settings) = (&self.model, &self.settings);
+        let (most, total) = (AtomicUsize::new(0), AtomicUsize::new(0));
+        let given_up = AtomicUsize::new(usize::MAX);
         let all = Batch::all(
             model,
             &mut self.motion,
@@ -406,10 +426,39 @@ impl FibreSystem {
             &mut self.reaction,
         );
         all.for_each(model, &|fibre| {
-            let critical = model.fibres[fibre.fibres.start].critical_step;
-            let (n, step) = sub_steps(dt, safety * critical);
-            fibre.advance_alone(model, flow, n, step);
+            let local = fibre.fibres.start;
+            let critical = model.fibres[local].critical_step;
+            let (explicit, step) = sub_steps(dt, settings.step_safety * critical);
+            let rigid = model.fibres[local].body.is_some();
+            let n = match settings.integrator.implicit(explicit, rigid) {
+                None => {
+                    fibre.advance_alone(model, flow, explicit, step);
+                    explicit
+                }
+                Some(implicit) => {
+                    let done = fibre.advance_implicit(model, flow, dt, implicit);
+                    if !done.converged {
+                        given_up.fetch_min(local, Ordering::Relaxed);
+                    }
+                    done.sub_steps
+                }
+            };
+            most.fetch_max(n, Ordering::Relaxed);
+            let segments = fibre.position.len() - 1;
+            total.fetch_add(n * segments, Ordering::Relaxed);
         });
-        Ok(())
+        self.work = (most.into_inner(), total.into_inner());
+        self.given_up(given_up.into_inner())
+    }
+
+    /// An error that names the fibre, if `local` is one.
+    pub(crate) fn given_up(&self, local: usize) -> Result<(), FibreError> {
+        if local >= self.fibres() {
+            return Ok(());
+        }
+        Err(FibreError::NoConvergence {
+            fibre: self.id(local),
+            position: self.centre(local),
+        })
     }
 }

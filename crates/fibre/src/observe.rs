@@ -47,6 +47,9 @@ impl FibreSystem {
         let nodes = self.model.nodes.len();
         let mut elastic = ElasticEnergy::default();
         for f in 0..self.fibres() {
+            if self.model.fibres[f].body.is_some() {
+                continue;
+            }
             let range = self.model.segment_range(f);
             for (s, segment) in self.model.segments[range].iter().enumerate() {
                 let (start, end) = self.segment_poses(f, s);

@@ -5,11 +5,26 @@ use crate::{Matrix3, Vector3};
 /// The flow at the hydrodynamic points, in the order of the points.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Ambient {
-    /// Velocity u \[m/s\].
+    /// Velocity u at the end of the step \[m/s\].
     pub velocity: Vec<Vector3>,
     /// gradient\[i\]\[j\] = ∂u_i/∂x_j \[1/s\].
     pub gradient: Vec<Matrix3>,
+    /// Change of the velocity in the step, uniform in time \[m/s\]; empty where it is held.
+    pub change: Vec<Vector3>,
 }
+
+impl Ambient {
+    /// Velocity at a point after the fraction `moment` of the step.
+    #[inline(always)]
+    pub(crate) fn velocity_at(&self, point: usize, moment: f64) -> Vector3 {
+        let last = self.velocity[point];
+        let change = self.change.get(point);
+        change.map_or(last, |change| last + change * (moment - 1.0))
+    }
+}
+
+/// A flow given by a formula: velocity \[m/s\] and gradient \[1/s\] at a place \[m\], unwrapped, and a fraction of the step.
+pub type FlowFormula<'a> = &'a (dyn Fn(&Vector3, f64) -> (Vector3, Matrix3) + Sync);
 
 /// What the fibres do to the flow at the hydrodynamic points, mean over the step: minus what they took.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -156,6 +156,8 @@ pub struct Fibre {
     pub equilibrium: Equilibrium,
     /// Supports, none for a free fibre.
     pub supports: Vec<Support>,
+    /// Keeps its stress-free shape: a rigid body, free of supports.
+    pub rigid: bool,
 }
 
 impl Fibre {
@@ -167,6 +169,7 @@ impl Fibre {
             nodes,
             equilibrium: Equilibrium::Placed,
             supports: Vec::new(),
+            rigid: false,
         }
     }
 
@@ -214,6 +217,9 @@ pub(crate) fn prepare(fibre: &Fibre) -> Result<Prepared, FibreError> {
         });
     }
     fibre.material.check(fibre.id)?;
+    if fibre.rigid && !fibre.supports.is_empty() {
+        return Err(FibreError::RigidSupport { fibre: fibre.id });
+    }
     for support in &fibre.supports {
         if support.node >= nodes {
             return Err(FibreError::NoSuchNode {

@@ -103,6 +103,7 @@ impl FibreSystem {
         let mut words = Words(Vec::new());
         let nodes = model.node_range(fibre);
         words.0.push(nodes.len() as u64);
+        words.0.push(u64::from(constants.body.is_some()));
         let m = &constants.material;
         words.numbers(&[
             m.radius,
@@ -158,6 +159,7 @@ impl FibreSystem {
         if nodes < 2 || nodes > record.words.len() {
             return Err(reader.error("it has an impossible number of nodes"));
         }
+        let rigid = reader.word()? != 0;
         let [radius, youngs_modulus, shear_modulus, density, retardation] = reader.numbers()?;
         let material = Material {
             radius,
@@ -194,7 +196,7 @@ impl FibreSystem {
                 spring: reader.numbers()?,
             });
         }
-        self.push_constants(record.id, material, segments, &held);
+        self.push_constants(record.id, material, rigid, segments, &held);
         let first = self.model.loads.len() - nodes;
         self.model.loads[first..].copy_from_slice(&loads);
         Ok(())

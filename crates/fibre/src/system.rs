@@ -3,6 +3,7 @@
 use crate::beam::{Pose, Segment, mass_shares};
 use crate::contact::{ContactSettings, ContactSystem};
 use crate::drag::{Hydrodynamics, NodeDrag, PointDrag};
+use crate::implicit::{Body, Integrator};
 use crate::points::{abscissa, point_count};
 use crate::shape::{Fibre, Material, SEGMENT_BITS, prepare};
 use crate::touching::Touching;
@@ -20,7 +21,9 @@ pub struct FibreSettings {
     pub hydrodynamics: Option<Hydrodynamics>,
     /// Contacts; none for fibres that pass through each other.
     pub contacts: Option<ContactSettings>,
-    /// Sub-step over critical step, in (0, 1).
+    /// How fibres advance in time.
+    pub integrator: Integrator,
+    /// Explicit sub-step over critical step, in (0, 1).
     pub step_safety: f64,
 }
 
@@ -31,6 +34,7 @@ impl Default for FibreSettings {
             buoyant_density: 0.0,
             hydrodynamics: None,
             contacts: None,
+            integrator: Integrator::default(),
             step_safety: 0.7,
         }
     }
@@ -74,6 +78,8 @@ pub(crate) struct FibreConstants {
     pub length: f64,
     /// Largest stable sub-step without contacts \[s\].
     pub critical_step: f64,
+    /// A rigid fibre.
+    pub body: Option<Body>,
 }
 
 /// What does not change while time advances.
@@ -200,7 +206,13 @@ impl FibreSystem {
             node.0 |= support.translation;
             node.1 |= support.rotation;
         }
-        self.push_constants(fibre.id, fibre.material, prepared.segments, &held);
+        self.push_constants(
+            fibre.id,
+            fibre.material,
+            fibre.rigid,
+            prepared.segments,
+            &held,
+        );
         Ok(())
     }
 
@@ -209,6 +221,7 @@ impl FibreSystem {
         &mut self,
         id: u64,
         material: Material,
+        rigid: bool,
         segments: Vec<Segment>,
         held: &[(bool, bool)],
     ) {
@@ -246,11 +259,14 @@ impl FibreSystem {
             });
             self.model.loads.push(Load::ZERO);
         }
+        let first = self.model.nodes.len() - held.len();
+        let explicit = 2.0 / frequency * ((1.0 + damping * damping).sqrt() - damping);
         self.model.fibres.push(FibreConstants {
             id,
             material,
             length: segments.iter().map(|s| s.rest_length).sum(),
-            critical_step: 2.0 / frequency * ((1.0 + damping * damping).sqrt() - damping),
+            critical_step: if rigid { f64::INFINITY } else { explicit },
+            body: rigid.then(|| Body::new(&segments, &self.model.nodes[first..])),
         });
         let mut point = self.point_count();
         for segment in &segments {
@@ -485,6 +501,15 @@ impl FibreSettings {
                 setting: "buoyant_density",
                 value: self.buoyant_density,
                 requirement: "zero or positive",
+            });
+        }
+        if let Integrator::Implicit(implicit) | Integrator::Auto(implicit) = &self.integrator
+            && implicit.tolerance.partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater)
+        {
+            return Err(FibreError::Setting {
+                setting: "step tolerance",
+                value: implicit.tolerance,
+                requirement: "positive",
             });
         }
         if let Some(law) = &self.hydrodynamics {

@@ -1,11 +1,12 @@
 //! Fibres that may touch: all fibres of all ranks advance in the same sub-steps, with contact forces in each.
 
 use crate::contact::{ContactSettings, ContactSystem, SegmentLoad, Segments};
-use crate::integrate::{Batch, Flow, sub_steps};
+use crate::integrate::{Batch, Flow, Given, sub_steps};
 use crate::system::{Model, Motion};
-use crate::{Ambient, FibreError, FibreSystem, Vector3};
+use crate::{FibreError, FibreSystem, Vector3};
 use fibreflow_parallel::Communicator;
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Contacts, the segments as they see them, and the loads they give.
 pub(crate) struct Touching {
@@ -149,7 +150,7 @@ impl FibreSystem {
     pub(crate) fn run_together(
         &mut self,
         touching: &mut Touching,
-        ambient: Option<&Ambient>,
+        given: Option<Given>,
         dt: f64,
     ) -> Result<(), FibreError> {
         let contact_step = touching
@@ -160,23 +161,38 @@ impl FibreSystem {
         let critical = (beam_step.powi(-2) + contact_step.powi(-2)).powf(-0.5);
         let (n, step) = sub_steps(dt, self.settings.step_safety * critical);
         self.work = (n, n * self.segments());
-        let flow = Flow::new(ambient, &self.settings)?;
+        let flow = Flow::new(given, &self.settings)?;
         let model = &self.model;
         let (motion, scratch, reaction) = (&mut self.motion, &mut self.scratch, &mut self.reaction);
-        Batch::all(model, motion, scratch, reaction)
-            .for_each(model, &|fibre| fibre.begin(model, flow, step));
+        let given_up = AtomicUsize::new(usize::MAX);
+        let body = |fibre: &Batch| model.fibres[fibre.fibres.start].body.as_ref();
+        Batch::all(model, motion, scratch, reaction).for_each(model, &|fibre| {
+            if body(fibre).is_none() {
+                fibre.begin(model, flow, step);
+            }
+        });
         for k in 0..n {
             touching.press(motion, step)?;
             let loads = &touching.load;
             Batch::all(model, motion, scratch, reaction).for_each(model, &|fibre| {
                 fibre.add_contacts(model, loads);
-                fibre.sub_step(model, flow.is_some(), k, n, step);
+                match body(fibre) {
+                    None => fibre.sub_step(model, flow.is_some(), k, n, step),
+                    Some(body) => {
+                        if !fibre.sub_step_rigid(model, body, flow, step, (k, n)) {
+                            given_up.fetch_min(fibre.fibres.start, Ordering::Relaxed);
+                        }
+                    }
+                }
             });
         }
-        Batch::all(model, motion, scratch, reaction)
-            .for_each(model, &|fibre| fibre.end(model, flow));
+        Batch::all(model, motion, scratch, reaction).for_each(model, &|fibre| {
+            if body(fibre).is_none() {
+                fibre.end(model, flow);
+            }
+        });
         let segments = touching.gathered.view();
         touching.critical_step = Some(touching.contacts.critical_step(&segments));
-        Ok(())
+        self.given_up(given_up.into_inner())
     }
 }

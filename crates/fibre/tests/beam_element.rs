@@ -223,3 +223,97 @@ fn viscous_force_dissipates_and_ignores_rigid_motion() {
         assert!(net.norm() < 1e-13);
     }
 }
+
+/// The gradient (g_d, g_a, g_b) = (−force, −start torque, −end torque) as nine numbers.
+fn gradient(c: &Case) -> [f64; 9] {
+    let f = force(c);
+    let parts = [-f.force, -f.start_torque, -f.end_torque];
+    std::array::from_fn(|i| parts[i / 3][i % 3])
+}
+
+#[test]
+fn the_tangent_is_the_derivative_of_the_gradient_and_symmetric() {
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    for strain in [1e-3, 0.1, 0.5, 1.2] {
+        for _ in 0..50 {
+            let c = case(&mut rng, strain);
+            let (a, b) = poses(&c);
+            let (same, k) = c.segment.elastic_stiffness(a, b);
+            let f = force(&c);
+            for (x, y) in [
+                (same.force, f.force),
+                (same.start_torque, f.start_torque),
+                (same.end_torque, f.end_torque),
+            ] {
+                assert!((x - y).norm() < 1e-12);
+            }
+            let (ad, bd, ba) = (k.da.transpose(), k.db.transpose(), k.ab.transpose());
+            let blocks = [[k.dd, k.da, k.db], [ad, k.aa, k.ab], [bd, ba, k.bb]];
+            let matrix = |i: usize, j: usize| blocks[i / 3][j / 3][(i % 3, j % 3)];
+            let size = (0..9).map(|i| matrix(i, i).abs()).fold(0.0, f64::max);
+            for j in 0..9 {
+                let e = Vector3::ith(j % 3, 1.0);
+                let moved = |s: f64| {
+                    let mut moved = case_of(&c);
+                    match j / 3 {
+                        0 => moved.position[1] += e * s,
+                        node => {
+                            let q = &mut moved.orientation[node - 1];
+                            *q = Quaternion::from_scaled_axis(e * s) * *q;
+                        }
+                    }
+                    gradient(&moved)
+                };
+                for i in 0..9 {
+                    let expected = slope(|s| moved(s)[i]);
+                    assert!(
+                        (matrix(i, j) - expected).abs() < 1e-7 * size,
+                        "strain {strain}, ({i}, {j}): {} {expected}",
+                        matrix(i, j)
+                    );
+                }
+            }
+            // Rotations do not commute: the skew part of a frame's own block is half the cross matrix of its gradient.
+            let skew = |m: &fibreflow_fibre::Matrix3| (m - m.transpose()) * 0.5;
+            for (block, torque) in [(&k.aa, f.start_torque), (&k.bb, f.end_torque)] {
+                let own = torque.cross_matrix() * 0.5;
+                assert!(
+                    (skew(block) - own).norm() < 1e-12 * size,
+                    "{block} {torque}"
+                );
+            }
+            assert!(skew(&k.dd).norm() < 1e-12 * size);
+        }
+    }
+}
+
+#[test]
+fn damping_is_minus_the_derivative_of_the_viscous_force() {
+    let mut rng = ChaCha8Rng::seed_from_u64(6);
+    let c = case(&mut rng, 0.5);
+    let (a, b) = poses(&c);
+    let k = c.segment.damping(a, b);
+    let (ad, bd, ba) = (k.da.transpose(), k.db.transpose(), k.ab.transpose());
+    let blocks = [[k.dd, k.da, k.db], [ad, k.aa, k.ab], [bd, ba, k.bb]];
+    for j in 0..9 {
+        let e = Vector3::ith(j % 3, 1.0);
+        let unit = |part: usize| if j / 3 == part { e } else { Vector3::zeros() };
+        let still = Vector3::zeros();
+        let f = c.segment.viscous_force(
+            a,
+            b,
+            Motion {
+                velocity: &still,
+                angular_velocity: &unit(1),
+            },
+            Motion {
+                velocity: &unit(0),
+                angular_velocity: &unit(2),
+            },
+        );
+        for (i, part) in [f.force, f.start_torque, f.end_torque].iter().enumerate() {
+            let column = blocks[i][j / 3].column(j % 3) + part;
+            assert!(column.norm() < 1e-13, "{i} {j}: {column}");
+        }
+    }
+}

@@ -1,7 +1,9 @@
 //! What is on and what is off in a run, with the number that decided it.
 
-use crate::case::{Case, CouplingMode};
-use crate::scene::Scene;
+use crate::case::{Case, CouplingMode, FibreGroup, IntegratorKind};
+use crate::scene::{Scene, is_rigid, length_of};
+use fibreflow_fibre::hydrodynamics::BUCKLING_FLEXIBILITY;
+use fibreflow_fibre::{FibreSettings, Integrator, Material};
 
 /// A few lines, for a check and for the log of a run.
 pub fn describe(scene: &Scene, case: &Case) -> Vec<String> {
@@ -47,13 +49,47 @@ pub fn describe(scene: &Scene, case: &Case) -> Vec<String> {
         "fibres: {}, {contact}, coupling {coupling}",
         scene.fibre_count
     ));
+    if let Some(fibres) = &scene.fibres {
+        let critical = fibres.communicator().min(fibres.critical_step());
+        let way = match case.mechanics.integrator {
+            _ if case.contact.is_some() => "explicit, as fibres may touch".to_owned(),
+            IntegratorKind::Explicit => "explicit".to_owned(),
+            IntegratorKind::Implicit => "implicit".to_owned(),
+            IntegratorKind::Auto => format!(
+                "auto: implicit where a step is longer than {:.3e} s",
+                critical * FibreSettings::default().step_safety * Integrator::WORTH as f64
+            ),
+        };
+        lines.push(format!(
+            "  integrator {way}; critical explicit step {critical:.3e} s"
+        ));
+    }
     for (k, group) in case.fibres.iter().enumerate() {
         let area = std::f64::consts::PI * group.diameter * group.diameter / 4.0;
         let stiffness = group.youngs_modulus * area * group.diameter * group.diameter / 16.0;
         lines.push(format!(
-            "  group {k}: EI = {stiffness:.3e} N·m², E = {:.3e} Pa",
-            group.youngs_modulus
+            "  group {k}: EI = {stiffness:.3e} N·m², E = {:.3e} Pa, {}",
+            group.youngs_modulus,
+            kinematics(case, group)
         ));
     }
     lines
+}
+
+fn kinematics(case: &Case, group: &FibreGroup) -> String {
+    let material = Material::new(
+        0.5 * group.diameter,
+        group.youngs_modulus,
+        group.poisson_ratio,
+        group.density,
+    );
+    let length = length_of(group).unwrap_or(0.0);
+    match is_rigid(case, group, &material, length) {
+        (true, None) => "rigid".to_owned(),
+        (false, None) => "flexible".to_owned(),
+        (rigid, Some(number)) => format!(
+            "{} as ζ⊥γ̇L⁴/EI = {number:.3} and {BUCKLING_FLEXIBILITY} buckles it",
+            if rigid { "rigid" } else { "flexible" }
+        ),
+    }
 }

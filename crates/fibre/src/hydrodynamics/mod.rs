@@ -29,6 +29,16 @@ pub struct Section {
     pub fibre_length: f64,
 }
 
+/// ζ⊥ γ̇ L⁴/EI of a fibre in shear: viscous load by bending stiffness. A straight fibre buckles above
+/// [`BUCKLING_FLEXIBILITY`] as it turns through the compressing quadrant.
+pub fn flexibility(section: &Section, bending_stiffness: f64, viscosity: f64, rate: f64) -> f64 {
+    let drag = SlenderConstants::Batchelor.resistance(section.aspect_ratio(), viscosity);
+    drag.normal * rate.abs() * section.fibre_length.powi(4) / bending_stiffness
+}
+
+/// Becker & Shelley 2001, Phys. Rev. Lett. 87, 198301.
+pub const BUCKLING_FLEXIBILITY: f64 = 153.2;
+
 impl Section {
     /// Aspect ratio r_p = L/d, at least 2: slender-body denominators vanish near r_p = 1.
     pub fn aspect_ratio(&self) -> f64 {

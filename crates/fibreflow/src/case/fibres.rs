@@ -34,6 +34,9 @@ pub struct FibreGroup {
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub retardation: f64,
+    /// Flexible or rigid.
+    #[serde(default)]
+    pub kinematics: Kinematics,
     /// Shape without load.
     #[serde(default)]
     pub shape: Shape,
@@ -118,6 +121,19 @@ pub enum Shape {
     },
     /// As placed: the given nodes are free of stress.
     AsPlaced,
+}
+
+/// Flexible or rigid.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kinematics {
+    /// A chain of beam elements: six unknowns a node.
+    #[default]
+    Flexible,
+    /// Keeps the shape it is placed in: six unknowns a fibre.
+    Rigid,
+    /// Rigid where the viscous load of the shear rate is below a tenth of that which buckles the fibre.
+    Auto,
 }
 
 /// Ends that are held in place and direction.

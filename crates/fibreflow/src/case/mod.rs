@@ -15,6 +15,7 @@ mod fibres;
 mod fluid;
 mod force;
 mod loads;
+mod mechanics;
 mod mesh;
 mod run;
 mod schema;
@@ -26,7 +27,7 @@ pub use document::{Document, Place};
 pub use error::CaseError;
 pub use fibres::{
     AmbientFlow, Clamp, Coupling, CouplingMode, DragLaw, FibreGroup, Gravity, Hydrodynamics,
-    Orientation, Placement, PointLoad, Shape, TorqueLaw,
+    Kinematics, Orientation, Placement, PointLoad, Shape, TorqueLaw,
 };
 pub use fluid::{
     ChannelProfile, Diffusion, Fluid, Forcing, Inertia, Initial, Kernels, Mass, Poisson,
@@ -34,6 +35,7 @@ pub use fluid::{
 };
 pub use force::PointForce;
 pub use loads::{Coefficients, Loads};
+pub use mechanics::{IntegratorKind, Mechanics};
 pub use mesh::{Ambient, BoxElement, Domain, MeshSource, Stretching};
 pub use run::{Exact, Output, Schedule, Time};
 pub use schema::json_schema;
@@ -67,6 +69,9 @@ pub struct Case {
     /// Contacts between segments and with walls; without this table there are none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub contact: Option<Contact>,
+    /// How fibres advance in time.
+    #[serde(default)]
+    pub mechanics: Mechanics,
     /// Drag and torque laws.
     #[serde(default)]
     pub hydrodynamics: Hydrodynamics,
@@ -85,6 +90,24 @@ pub struct Case {
 }
 
 impl Case {
+    /// Shear rate that `kinematics = "auto"` judges by \[1/s\].
+    pub fn shear_rate(&self) -> Option<f64> {
+        let prescribed = self
+            .ambient
+            .as_ref()
+            .and_then(|ambient| match ambient.flow {
+                AmbientFlow::Quiescent | AmbientFlow::Uniform { .. } => None,
+                AmbientFlow::Shear { rate }
+                | AmbientFlow::Extension { rate }
+                | AmbientFlow::PlanarExtension { rate } => Some(rate.abs()),
+                AmbientFlow::Vortex {
+                    velocity,
+                    wavelength,
+                } => Some((2.0 * std::f64::consts::PI * velocity / wavelength).abs()),
+            });
+        self.mechanics.shear_rate.or(prescribed)
+    }
+
     /// The box that holds the fibres, if the case says what it is.
     pub fn domain(&self) -> Option<Domain> {
         match (&self.mesh, &self.ambient) {
@@ -232,6 +255,11 @@ placement = { kind = "random", count = 3, seed = 1 }
         );
         let message = complaint(GOOD, &["fibres.0.diameter=0.2"]);
         assert!(message.contains("fibres[0].diameter"), "{message}");
+        let message = complaint(GOOD, &["fibres.0.kinematics=auto"]);
+        assert!(message.contains("mechanics.shear_rate"), "{message}");
+        let rigid = ["fibres.0.kinematics=rigid", "fibres.0.clamp=first"];
+        let message = complaint(GOOD, &rigid);
+        assert!(message.contains("fibres[0].clamp"), "{message}");
     }
 
     #[test]

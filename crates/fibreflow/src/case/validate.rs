@@ -1,8 +1,8 @@
 //! Rules that no schema can say: which keys go together, what must fit into what.
 
 use super::{
-    Case, CaseError, ContactWall, Document, Exact, Forcing, Initial, MeshSource, Placement,
-    Schedule, schema,
+    Case, CaseError, Clamp, ContactWall, Document, Exact, Forcing, Initial, Kinematics, MeshSource,
+    Placement, Schedule, schema,
 };
 
 type Checked = Result<(), Box<CaseError>>;
@@ -199,6 +199,25 @@ fn check_group(case: &Case, k: usize, document: &Document) -> Checked {
             format!("`fibres[{k}]` lacks `{key}`: {why}"),
         )
     };
+    if group.kinematics == Kinematics::Auto && case.shear_rate().is_none() {
+        return Err(document
+            .error(
+                &path("kinematics"),
+                format!(
+                    "`{} = \"auto\"` needs a shear rate to judge by",
+                    path("kinematics")
+                ),
+            )
+            .with_help("give `mechanics.shear_rate`, or `flexible` or `rigid`"));
+    }
+    if group.kinematics == Kinematics::Rigid && group.clamp != Clamp::None {
+        return Err(document
+            .error(
+                &path("clamp"),
+                format!("`{}` holds a rigid fibre", path("clamp")),
+            )
+            .with_help("only flexible fibres can be held"));
+    }
     let length = match &group.placement {
         Placement::Random {
             count,

@@ -1,15 +1,22 @@
 //! The fibres of a case, placed.
 
-use crate::case::{self, Case, Clamp, Domain, DragLaw, FibreGroup, Placement, Shape, TorqueLaw};
+use crate::case::{
+    self, Case, Clamp, Domain, DragLaw, FibreGroup, IntegratorKind, Kinematics, Mechanics,
+    Placement, Shape, TorqueLaw,
+};
 use crate::error::ProgramError;
 use fibreflow_coupling::FibreLoad;
 use fibreflow_fibre::contact::ContactSettings;
-use fibreflow_fibre::hydrodynamics::{DragModel, FluidProperties, SlenderConstants, TorqueModel};
+use fibreflow_fibre::hydrodynamics::{
+    BUCKLING_FLEXIBILITY, DragModel, FluidProperties, Section, SlenderConstants, TorqueModel,
+    flexibility,
+};
 use fibreflow_fibre::placement::{
     Amount, CentreLine, Orientation, PlacementDomain, PlacementSettings, place_random,
 };
 use fibreflow_fibre::{
-    Equilibrium, Fibre, FibreSettings, FibreSystem, Hydrodynamics, Material, Points, Support,
+    Equilibrium, Fibre, FibreSettings, FibreSystem, Hydrodynamics, ImplicitSettings, Integrator,
+    Material, Points, Support,
 };
 use fibreflow_parallel::Communicator;
 use nalgebra::Vector3;
@@ -44,7 +51,7 @@ pub fn place(
     let share = count * rank / ranks..count * (rank + 1) / ranks;
     let kept = places.drain(share.clone()).zip(share);
     let mine: Vec<(Fibre, &FibreGroup)> = kept
-        .map(|((group, nodes), id)| (fibre(id as u64, group, nodes), group))
+        .map(|((group, nodes), id)| (fibre(id as u64, group, nodes, case), group))
         .collect();
     let fibres = mine.iter().map(|(fibre, _)| fibre.clone()).collect();
     let settings = settings(case, spacing, contacts);
@@ -133,18 +140,47 @@ fn direction(orientation: &case::Orientation) -> Orientation {
     }
 }
 
-fn fibre(id: u64, group: &FibreGroup, nodes: Vec<Vector3<f64>>) -> Fibre {
+/// Whether a fibre of this length \[m\] keeps its shape, and ζ⊥γ̇L⁴/EI where that decides.
+pub fn is_rigid(
+    case: &Case,
+    group: &FibreGroup,
+    material: &Material,
+    length: f64,
+) -> (bool, Option<f64>) {
+    let section = Section {
+        diameter: group.diameter,
+        fibre_length: length,
+    };
+    match (group.kinematics, case.shear_rate()) {
+        (Kinematics::Flexible, _) | (Kinematics::Auto, None) => (false, None),
+        (Kinematics::Rigid, _) => (true, None),
+        (Kinematics::Auto, Some(rate)) => {
+            let stiffness = material.bending_stiffness();
+            let number = flexibility(&section, stiffness, viscosity(case), rate);
+            (number < 0.1 * BUCKLING_FLEXIBILITY, Some(number))
+        }
+    }
+}
+
+fn viscosity(case: &Case) -> f64 {
+    let fluid = case.fluid.as_ref().map(|fluid| fluid.viscosity);
+    fluid
+        .or(case.ambient.as_ref().map(|ambient| ambient.viscosity))
+        .unwrap_or(0.0)
+}
+
+fn fibre(id: u64, group: &FibreGroup, nodes: Vec<Vector3<f64>>, case: &Case) -> Fibre {
     let (radius, modulus) = (0.5 * group.diameter, group.youngs_modulus);
     let mut material = Material::new(radius, modulus, group.poisson_ratio, group.density);
     material.retardation = group.retardation;
     let last = nodes.len() - 1;
+    let placed_length = nodes.windows(2).map(|p| (p[1] - p[0]).norm()).sum();
+    let (rigid, _) = is_rigid(case, group, &material, placed_length);
     let equilibrium = match (&group.shape, &group.placement) {
+        _ if rigid => Equilibrium::Placed,
         (Shape::Straight, _) => Equilibrium::Straight,
         (Shape::AsPlaced, _) | (Shape::U { .. }, Placement::Random { .. }) => Equilibrium::Placed,
-        (Shape::U { .. }, _) => {
-            let length = nodes.windows(2).map(|p| (p[1] - p[0]).norm()).sum();
-            Equilibrium::Shape(centre_line(group).nodes(length, last))
-        }
+        (Shape::U { .. }, _) => Equilibrium::Shape(centre_line(group).nodes(placed_length, last)),
     };
     let clamped: &[usize] = match group.clamp {
         Clamp::None => &[],
@@ -158,6 +194,7 @@ fn fibre(id: u64, group: &FibreGroup, nodes: Vec<Vector3<f64>>) -> Fibre {
         nodes,
         equilibrium,
         supports: clamped.iter().map(|&n| Support::clamp(n)).collect(),
+        rigid,
     }
 }
 
@@ -190,7 +227,23 @@ fn settings(case: &Case, spacing: f64, contacts: Option<ContactSettings>) -> Fib
             point_spacing: spacing,
         }),
         contacts,
+        integrator: integrator(&case.mechanics),
         ..FibreSettings::default()
+    }
+}
+
+fn integrator(mechanics: &Mechanics) -> Integrator {
+    let settings = ImplicitSettings {
+        linear: mechanics.linear,
+        tolerance: match mechanics.tolerance {
+            0.0 => f64::INFINITY,
+            tolerance => tolerance,
+        },
+    };
+    match mechanics.integrator {
+        IntegratorKind::Auto => Integrator::Auto(settings),
+        IntegratorKind::Explicit => Integrator::Explicit,
+        IntegratorKind::Implicit => Integrator::Implicit(settings),
     }
 }
 

@@ -15,6 +15,7 @@ mod scatter;
 mod settings;
 
 pub use exact::errors;
+pub use fibres::{is_rigid, length as length_of};
 pub use flow::{Flow, Solved};
 pub use mesh::{SceneMesh, build as build_mesh};
 

@@ -1,0 +1,515 @@
+//! One sub-step of one fibre: two stages, their equations and their solution.
+
+use super::blocks::{Row, factor, solve};
+use super::{Action, Base, GAMMA, Workspace};
+use crate::beam::{Motion as EndMotion, Pose, SegmentForce, SegmentStiffness, tangent};
+use crate::drag::{Hydrodynamics, tensor};
+use crate::hydrodynamics::{DragModel, Resistance, Section, spin};
+use crate::integrate::{Batch, Flow};
+use crate::points::abscissa;
+use crate::system::NodeConstants;
+use crate::{Matrix3, Quaternion, Vector3};
+use nalgebra::{Matrix6, Vector6};
+
+/// Change of a position over the segment length, or of a rotation, at which Newton's iteration stops. The last change is
+/// made, so that the error left is about its square.
+const CLOSE: f64 = 1e-6;
+/// Largest rotation of one Newton step.
+const STRIDE: f64 = 0.4;
+const MOST_ITERATIONS: usize = 20;
+
+impl Batch<'_> {
+    /// Advances one fibre by `h`, sub-step k of n, and adds its share of the mean reaction. The estimated error of the positions over the
+    /// fibre's length; none where a stage has no answer.
+    pub(super) fn implicit_step(
+        &mut self,
+        action: &Action,
+        work: &mut Workspace,
+        h: f64,
+        step: (usize, usize),
+    ) -> Option<f64> {
+        let (k, n) = step;
+        let moment = |part: f64| (k as f64 + part) / n as f64;
+        let share = 1.0 / n as f64;
+        let tau = GAMMA * h;
+        let range = action.model.node_range(self.fibres.start);
+        let nodes = &action.model.nodes[range];
+        self.store(&mut work.entry);
+        for (i, node) in nodes.iter().enumerate() {
+            let q = self.orientation[i];
+            work.base[i] = Base {
+                position: self.position[i],
+                velocity: self.velocity[i],
+                orientation: q,
+                spin: node.spin(&q, &self.angular_velocity[i]),
+            };
+        }
+        self.solve_stage(action, work, tau, moment(GAMMA))?;
+        self.exchange(action, share * (1.0 - GAMMA), moment(GAMMA));
+        let (onward, rest) = ((1.0 - GAMMA) / GAMMA, (1.0 - GAMMA) * h);
+        for (i, node) in nodes.iter().enumerate() {
+            let (v, w) = (self.velocity[i], self.angular_velocity[i]);
+            let base = &mut work.base[i];
+            let spin = node.spin(&self.orientation[i], &w);
+            work.middle[i] = [v, w];
+            base.position += v * rest;
+            base.velocity += (v - base.velocity) * onward;
+            base.orientation = turned(&base.orientation, &(w * rest));
+            base.spin += (spin - base.spin) * onward;
+        }
+        self.solve_stage(action, work, tau, moment(1.0))?;
+        self.exchange(action, share * GAMMA, moment(1.0));
+        Some(self.error(action, work, h))
+    }
+
+    /// Solves for the state that `work.base` leads to in `tau`.
+    ///
+    /// The matrix is new in every iteration: an old one, a little turned, takes stiff stretching for rigid rotation.
+    fn solve_stage(
+        &mut self,
+        action: &Action,
+        work: &mut Workspace,
+        tau: f64,
+        moment: f64,
+    ) -> Option<()> {
+        let fibre = self.fibres.start;
+        let nodes = &action.model.nodes[action.model.node_range(fibre)];
+        let scale = (nodes.len() - 1) as f64 / action.model.fibres[fibre].length;
+        for (i, base) in work.base.iter().enumerate() {
+            self.position[i] = base.position + self.velocity[i] * tau;
+            self.orientation[i] = turned(&base.orientation, &(self.angular_velocity[i] * tau));
+        }
+        for _ in 0..MOST_ITERATIONS {
+            self.assemble(action, work, tau, moment);
+            factor(&mut work.rows);
+            solve(&work.rows, &mut work.rhs);
+            let (mut moved, mut turned) = (0.0_f64, 0.0_f64);
+            for change in &work.rhs {
+                moved = moved.max(change.fixed_rows::<3>(0).norm() * scale);
+                turned = turned.max(change.fixed_rows::<3>(3).norm());
+            }
+            let size = moved.max(turned);
+            if !work.rhs.iter().all(|change| change.sum().is_finite()) {
+                return None;
+            }
+            let part = (STRIDE / turned).min(1.0);
+            self.change(nodes, work, tau, part);
+            if size < CLOSE || action.settings.linear && part == 1.0 {
+                return Some(());
+            }
+        }
+        None
+    }
+
+    /// Moves the nodes by `part` of `work.rhs`.
+    fn change(&mut self, nodes: &[NodeConstants], work: &Workspace, tau: f64, part: f64) {
+        for (i, node) in nodes.iter().enumerate() {
+            let change = work.rhs[i] * part;
+            if !node.holds_translation {
+                let step: Vector3 = change.fixed_rows::<3>(0).into();
+                self.position[i] += step;
+                self.velocity[i] += step / tau;
+            }
+            if !node.holds_rotation {
+                let q = turned(&self.orientation[i], &change.fixed_rows::<3>(3).into());
+                self.orientation[i] = q;
+                self.angular_velocity[i] = rotation_between(&work.base[i].orientation, &q) / tau;
+            }
+        }
+    }
+
+    /// Residual forces and torques in `work.rhs`, and minus their derivatives in `work.rows`.
+    fn assemble(&mut self, action: &Action, work: &mut Workspace, tau: f64, moment: f64) {
+        let model = action.model;
+        let fibre = self.fibres.start;
+        let range = model.node_range(fibre);
+        for (i, n) in range.enumerate() {
+            let (node, given, base) = (&model.nodes[n], &model.loads[n], &work.base[i]);
+            let momentum = node.spin(&self.orientation[i], &self.angular_velocity[i]);
+            let inertia = (self.velocity[i] - base.velocity) * (node.mass / tau);
+            work.rhs[i] = stacked(
+                &(given.force + node.weight - inertia),
+                &(given.torque - (momentum - base.spin) / tau),
+            );
+            let turning = node.spin_change(&self.orientation[i], &self.angular_velocity[i], tau);
+            let slow = [
+                Matrix3::from_diagonal_element(node.mass / (tau * tau)),
+                turning / tau,
+            ];
+            work.rows[i] = Row::ZERO;
+            add(&mut work.rows[i].diagonal, 0, 0, &slow[0]);
+            add(&mut work.rows[i].diagonal, 3, 3, &slow[1]);
+            work.slow[i] = slow;
+        }
+        self.add_segments(action, work, tau);
+        self.add_drag(action, work, tau, moment);
+        for (i, node) in model.nodes[model.node_range(fibre)].iter().enumerate() {
+            for (held, first) in [(node.holds_translation, 0), (node.holds_rotation, 3)] {
+                if held {
+                    hold(&mut work.rows[i], &mut work.rhs[i], first);
+                }
+            }
+        }
+    }
+
+    fn add_segments(&mut self, action: &Action, work: &mut Workspace, tau: f64) {
+        let model = action.model;
+        let fibre = self.fibres.start;
+        let viscous = model.fibres[fibre].material.retardation > 0.0;
+        for (i, segment) in model.segments[model.segment_range(fibre)]
+            .iter()
+            .enumerate()
+        {
+            let pose = |i: usize| Pose {
+                position: &self.position[i],
+                orientation: &self.orientation[i],
+            };
+            let (start, end) = (pose(i), pose(i + 1));
+            let (mut force, stiffness) = segment.elastic_stiffness(start, end);
+            add_stiffness(&mut work.rows[i..i + 2], &stiffness, 1.0);
+            if viscous {
+                let motion = |i: usize| EndMotion {
+                    velocity: &self.velocity[i],
+                    angular_velocity: &self.angular_velocity[i],
+                };
+                let SegmentForce {
+                    force: f,
+                    start_torque,
+                    end_torque,
+                } = segment.viscous_force(start, end, motion(i), motion(i + 1));
+                force.force += f;
+                force.start_torque += start_torque;
+                force.end_torque += end_torque;
+                let damping = segment.damping(start, end);
+                add_stiffness(&mut work.rows[i..i + 2], &damping, 1.0 / tau);
+            }
+            work.rhs[i] += stacked(&-force.force, &force.start_torque);
+            work.rhs[i + 1] += stacked(&force.force, &force.end_torque);
+        }
+    }
+
+    /// Drag and hydrodynamic torque with the laws of the present state.
+    fn add_drag(&mut self, action: &Action, work: &mut Workspace, tau: f64, moment: f64) {
+        let Some(Flow { law, .. }) = action.flow else {
+            return;
+        };
+        let nonlinear = matches!(law.drag, DragModel::Auto | DragModel::InfiniteCylinder);
+        self.for_points(action, moment, |i, _, point| {
+            let shares = [1.0 - point.xi, point.xi];
+            let force = point.force();
+            let turning = point.spin_tensor();
+            for (end, share) in shares.into_iter().enumerate() {
+                let relative = point.spin - point.angular_velocity[end];
+                let torque = (turning * relative + point.strain_torque) * (point.weight * share);
+                work.rhs[i + end] += stacked(&(force * share), &torque);
+            }
+            let z = tensor(&point.drag, &point.tangent);
+            let (by_slip, by_span) = point.derivatives(law, nonlinear, tau);
+            let spin_drag = turning * (point.weight / tau);
+            for (end, share) in shares.into_iter().enumerate() {
+                let row = &mut work.rows[i + end];
+                let slow = &mut work.slow[i + end];
+                slow[0] += z * (point.weight * share / tau);
+                slow[1] += spin_drag * share;
+                add(&mut row.diagonal, 3, 3, &(spin_drag * share));
+                let onto = |other: usize| {
+                    let sign = if other == 0 { 1.0 } else { -1.0 };
+                    by_slip * (share * shares[other]) + by_span * (share * sign)
+                };
+                if end == 0 {
+                    add(&mut row.diagonal, 0, 0, &onto(0));
+                    add(&mut row.upper, 0, 0, &onto(1));
+                } else {
+                    add(&mut row.lower, 0, 0, &onto(0));
+                    add(&mut row.diagonal, 0, 0, &onto(1));
+                }
+            }
+        });
+    }
+
+    /// Adds `share` of the force and torque on the fluid in the present state.
+    pub(super) fn exchange(&mut self, action: &Action, share: f64, moment: f64) {
+        if action.flow.is_none() {
+            return;
+        }
+        let force = std::mem::take(&mut self.reaction_force);
+        let torque = std::mem::take(&mut self.reaction_torque);
+        self.for_points(action, moment, |_, p, point| {
+            let weight = share * point.weight;
+            let [a, b] = point.angular_velocity;
+            let relative = point.spin - a * (1.0 - point.xi) - b * point.xi;
+            force[p] -= point.force() * share;
+            torque[p] -=
+                (point.spin_drag.force(&point.tangent, &relative) + point.strain_torque) * weight;
+        });
+        self.reaction_force = force;
+        self.reaction_torque = torque;
+    }
+
+    /// Calls `visit(segment, point, …)` for the hydrodynamic points of the fibre, in the flow at `moment` of the step.
+    pub(super) fn for_points(
+        &self,
+        action: &Action,
+        moment: f64,
+        mut visit: impl FnMut(usize, usize, &Point),
+    ) {
+        let Some(flow) = action.flow else { return };
+        let law = flow.law;
+        let model = action.model;
+        let constants = &model.fibres[self.fibres.start];
+        let section = Section {
+            diameter: 2.0 * constants.material.radius,
+            fibre_length: constants.length,
+        };
+        let segments = model.segment_range(self.fibres.start);
+        let first = model.points[segments.start];
+        for (i, s) in segments.enumerate() {
+            let range = model.points[s]..model.points[s + 1];
+            let count = range.len();
+            let span = self.position[i + 1] - self.position[i];
+            let length = span.norm();
+            let t = span / length;
+            for (k, p) in range.enumerate() {
+                let xi = abscissa(k, count);
+                let (velocity, gradient) = match flow.formula {
+                    Some(formula) => formula(&(self.position[i] + span * xi), moment),
+                    None => (
+                        flow.ambient.velocity_at(p, moment),
+                        flow.ambient.gradient[p],
+                    ),
+                };
+                let slip = velocity - self.velocity[i] * (1.0 - xi) - self.velocity[i + 1] * xi;
+                let torque = law.torque.torque(&t, &gradient, &section, &law.fluid);
+                let point = Point {
+                    xi,
+                    weight: model.segments[s].rest_length / count as f64,
+                    tangent: t,
+                    length,
+                    slip,
+                    spin: spin(&gradient),
+                    steepness: flow.formula.map_or_else(Matrix3::zeros, |_| gradient),
+                    angular_velocity: [self.angular_velocity[i], self.angular_velocity[i + 1]],
+                    drag: law.drag.resistance(&t, &slip, &section, &law.fluid),
+                    spin_drag: Resistance {
+                        normal: torque.resistance_normal,
+                        axial: torque.resistance_axial,
+                    },
+                    strain_torque: torque.strain_torque,
+                    section,
+                };
+                visit(i, p - first, &point);
+            }
+        }
+    }
+
+    /// Largest estimated error of a position \[m\]: the difference to the third-order quadrature of
+    /// the velocities at 0, γ and 1, without its stiff part as A⁻¹ (inertia + drag) takes it away (Shampine 1984).
+    fn error(&self, action: &Action, work: &mut Workspace, h: f64) -> f64 {
+        let model = action.model;
+        let fibre = self.fibres.start;
+        if action.settings.tolerance == f64::INFINITY {
+            return 0.0;
+        }
+        let middle = 1.0 / (6.0 * GAMMA * (1.0 - GAMMA));
+        let last = (1.0 / 3.0 - 0.5 * GAMMA) / (1.0 - GAMMA);
+        let weights = [
+            h * (1.0 - middle - last),
+            h * (middle - 1.0 + GAMMA),
+            h * (last - GAMMA),
+        ];
+        let nodes = &model.nodes[model.node_range(fibre)];
+        for (i, node) in nodes.iter().enumerate() {
+            let (entry, [v, w]) = (&work.entry[i], &work.middle[i]);
+            let moved =
+                entry.velocity * weights[0] + v * weights[1] + self.velocity[i] * weights[2];
+            let turned = entry.angular_velocity * weights[0]
+                + w * weights[1]
+                + self.angular_velocity[i] * weights[2];
+            let [inertia, rotary] = &work.slow[i];
+            let free = |held: bool, v: Vector3| if held { Vector3::zeros() } else { v };
+            work.rhs[i] = stacked(
+                &free(node.holds_translation, inertia * moved),
+                &free(node.holds_rotation, rotary * turned),
+            );
+        }
+        solve(&work.rows, &mut work.rhs);
+        work.rhs.iter().fold(0.0_f64, |largest, change| {
+            largest.max(change.fixed_rows::<3>(0).norm())
+        })
+    }
+}
+
+/// A hydrodynamic point in the present state.
+pub(super) struct Point {
+    pub xi: f64,
+    pub weight: f64,
+    tangent: Vector3,
+    length: f64,
+    slip: Vector3,
+    /// Ω of the flow.
+    pub spin: Vector3,
+    /// Gradient of a flow that is followed in space.
+    steepness: Matrix3,
+    /// Of the two nodes.
+    angular_velocity: [Vector3; 2],
+    drag: Resistance,
+    spin_drag: Resistance,
+    pub strain_torque: Vector3,
+    section: Section,
+}
+
+/// How the change of the resistances with the normal slip adds to the derivatives of the drag per length.
+#[derive(Clone, Copy, Debug, Default)]
+struct Slope {
+    by_slip: Matrix3,
+    by_tangent: Matrix3,
+}
+
+impl Point {
+    /// Drag of the point's length \[N\].
+    pub fn force(&self) -> Vector3 {
+        self.drag.force(&self.tangent, &self.slip) * self.weight
+    }
+
+    /// Resistance to spin by length.
+    pub fn spin_tensor(&self) -> Matrix3 {
+        tensor(&self.spin_drag, &self.tangent)
+    }
+
+    /// Minus the derivative of the drag by a displacement of the point that ends a stage of `tau`; and its derivative by
+    /// the span x_b − x_a of the point's segment.
+    pub fn derivatives(
+        &self,
+        law: &Hydrodynamics,
+        nonlinear: bool,
+        tau: f64,
+    ) -> (Matrix3, Matrix3) {
+        let slope = if nonlinear {
+            self.slope(law.drag, &law.fluid)
+        } else {
+            Slope::default()
+        };
+        let z = tensor(&self.drag, &self.tangent);
+        let rate = Matrix3::identity() / tau - self.steepness;
+        let by_slip = (z + slope.by_slip) * rate * self.weight;
+        (by_slip, self.by_span(&slope) * self.weight)
+    }
+
+    fn slope(&self, drag: DragModel, fluid: &crate::hydrodynamics::FluidProperties) -> Slope {
+        // Relative change of the normal slip in the difference quotient: a matrix for Newton needs no more digits.
+        const CHANGE: f64 = 1e-4;
+        let t = &self.tangent;
+        let along = t.dot(&self.slip);
+        let normal = self.slip - t * along;
+        let square = normal.norm_squared();
+        if square == 0.0 {
+            return Slope::default();
+        }
+        let faster = self.slip + normal * CHANGE;
+        let changed = drag.resistance(t, &faster, &self.section, fluid);
+        let by_speed = normal * (changed.normal - self.drag.normal)
+            + t * (along * (changed.axial - self.drag.axial));
+        let by_slip = by_speed * normal.transpose() / (CHANGE * square);
+        Slope {
+            by_slip,
+            by_tangent: by_slip * -along,
+        }
+    }
+
+    /// Derivative of the drag per length by the span x_b − x_a through the tangent.
+    fn by_span(&self, slope: &Slope) -> Matrix3 {
+        let (t, s) = (&self.tangent, &self.slip);
+        let across = (Matrix3::identity() - t * t.transpose()) / self.length;
+        let turning = Matrix3::from_diagonal_element(t.dot(s)) + t * s.transpose();
+        (turning * (self.drag.axial - self.drag.normal) + slope.by_tangent) * across
+    }
+}
+
+impl NodeConstants {
+    /// Angular momentum of the node's own rotation.
+    #[inline(always)]
+    fn spin(&self, q: &Quaternion, w: &Vector3) -> Vector3 {
+        let t = tangent(q);
+        let excess = self.axial_inertia - self.transverse_inertia;
+        w * self.transverse_inertia + t * (excess * w.dot(&t))
+    }
+
+    /// Derivative of the angular momentum by a rotation that ends the stage, up to (τω)².
+    ///
+    /// exp(δ) exp(τω) = exp(τω + (I − ½[τω×])δ), and the tangent turns by δ × t.
+    fn spin_change(&self, q: &Quaternion, w: &Vector3, tau: f64) -> Matrix3 {
+        let t = tangent(q);
+        let excess = self.axial_inertia - self.transverse_inertia;
+        let inertia =
+            Matrix3::from_diagonal_element(self.transverse_inertia) + t * t.transpose() * excess;
+        let rate = Matrix3::identity() / tau - w.cross_matrix() * 0.5;
+        let tilt = Matrix3::from_diagonal_element(t.dot(w)) + t * w.transpose();
+        inertia * rate - tilt * t.cross_matrix() * excess
+    }
+}
+
+fn stacked(force: &Vector3, torque: &Vector3) -> Vector6<f64> {
+    Vector6::new(force.x, force.y, force.z, torque.x, torque.y, torque.z)
+}
+
+fn add(block: &mut Matrix6<f64>, row: usize, column: usize, part: &Matrix3) {
+    let mut view = block.fixed_view_mut::<3, 3>(row, column);
+    view += part;
+}
+
+/// Adds a segment's tangent to the rows of its two nodes.
+fn add_stiffness(rows: &mut [Row], k: &SegmentStiffness, factor: f64) {
+    let (dd, da, db) = (k.dd * factor, k.da * factor, k.db * factor);
+    let (ad, bd) = (da.transpose(), db.transpose());
+    let (aa, ab, bb) = (k.aa * factor, k.ab * factor, k.bb * factor);
+    let [first, second] = rows else { return };
+    for (block, parts) in [
+        (&mut first.diagonal, [dd, -da, -ad, aa]),
+        (&mut first.upper, [-dd, -db, ad, ab]),
+        (&mut second.lower, [-dd, da, -bd, ab.transpose()]),
+        (&mut second.diagonal, [dd, db, bd, bb]),
+    ] {
+        add(block, 0, 0, &parts[0]);
+        add(block, 0, 3, &parts[1]);
+        add(block, 3, 0, &parts[2]);
+        add(block, 3, 3, &parts[3]);
+    }
+}
+
+/// Keeps three unknowns of a node as they are.
+fn hold(row: &mut Row, rhs: &mut Vector6<f64>, first: usize) {
+    rhs.fixed_rows_mut::<3>(first).fill(0.0);
+    for block in [&mut row.lower, &mut row.diagonal, &mut row.upper] {
+        block.fixed_rows_mut::<3>(first).fill(0.0);
+    }
+    let mut diagonal = row.diagonal.fixed_view_mut::<3, 3>(first, first);
+    diagonal.fill_with_identity();
+}
+
+/// exp(θ) q
+#[inline(always)]
+pub(super) fn turned(q: &Quaternion, angle: &Vector3) -> Quaternion {
+    let square = 0.25 * angle.norm_squared();
+    let (cosine, sinc) = crate::integrate::half_turn(square);
+    let p = angle * (0.5 * sinc);
+    let turn = nalgebra::Quaternion::new(cosine, p.x, p.y, p.z);
+    let product = turn * q.as_ref();
+    // One Newton step for 1/√norm², which is 1 up to round-off.
+    let scale = 1.5 - 0.5 * product.norm_squared();
+    Quaternion::new_unchecked(product * scale)
+}
+
+/// θ of exp(θ) from = to, shorter than π.
+pub(super) fn rotation_between(from: &Quaternion, to: &Quaternion) -> Vector3 {
+    let turn = to.as_ref() * from.as_ref().conjugate();
+    let sine = turn.vector().norm();
+    // φ/2 over its sine, by the arc sine's series for small angles.
+    let square = sine * sine;
+    let ratio = if square < 1e-3 {
+        1.0 + square
+            * (1.0 / 6.0 + square * (3.0 / 40.0 + square * (5.0 / 112.0 + square * 35.0 / 1152.0)))
+    } else {
+        sine.atan2(turn.w.abs()) / sine
+    };
+    turn.vector() * (2.0 * ratio * turn.w.signum())
+}
