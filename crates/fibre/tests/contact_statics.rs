@@ -178,11 +178,8 @@ fn knot(stiffness: f64) -> FibreSystem {
     places.extend((1..=tail).map(|k| at(nodes) + last * k as f64));
     let end = places.len() - 1;
     let fibre = Fibre {
-        id: 0,
-        material: material(3e4),
-        nodes: places,
         equilibrium: Equilibrium::Straight,
-        supports: Vec::new(),
+        ..Fibre::new(0, material(3e4), places)
     };
     let mut laws = contacts(0.5, 0.3);
     laws.normal_stiffness = stiffness;

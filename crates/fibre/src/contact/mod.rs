@@ -119,6 +119,11 @@ pub struct SegmentLoad {
 }
 
 impl SegmentLoad {
+    /// Power on a segment that moves with the given velocities of its ends and surface \[W\].
+    fn power(&self, start: &Vector3, end: &Vector3, spin: &Vector3) -> f64 {
+        self.start_force.dot(start) + self.end_force.dot(end) + self.torque.dot(spin)
+    }
+
     /// Adds a force that acts at the lever `arm` from the axis point `s` (0 at the first end, 1 at the second).
     fn add(&mut self, force: &Vector3, s: f64, arm: &Vector3) {
         self.start_force += force * (1.0 - s);

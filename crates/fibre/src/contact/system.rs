@@ -33,6 +33,9 @@ pub struct ContactSystem {
     pending: Vec<FrictionRecord>,
     /// Since the box was upright and the walls were where the settings put them \[s\].
     time: f64,
+    /// Load of the last step whose work is lost, and that step \[s\].
+    drag: Vec<SegmentLoad>,
+    drag_step: f64,
     totals: Totals,
 }
 
@@ -145,6 +148,8 @@ impl ContactSystem {
             constants: Vec::new(),
             pending: Vec::new(),
             time: 0.0,
+            drag: Vec::new(),
+            drag_step: 0.0,
             totals: Totals::default(),
         })
     }
@@ -209,6 +214,9 @@ impl ContactSystem {
     }
 
     fn rebuild(&mut self, segments: &Segments<'_>, moved: bool) -> Result<(), ContactError> {
+        if moved {
+            self.drag.clear();
+        }
         let reach = self.settings.skin + self.law.far.range();
         let found = search(&self.communicator, segments, &self.images(), reach)?;
         let published = if moved { self.records() } else { Vec::new() };
@@ -286,12 +294,32 @@ impl ContactSystem {
             };
         });
         self.halo.update(&mut self.states);
+        self.book(segments, self.drag_step);
         self.respond(dt);
-        self.gather(loads);
+        let mut drag = std::mem::take(&mut self.drag);
+        drag.clear();
+        drag.resize(loads.len(), SegmentLoad::default());
+        self.gather(loads, &mut drag);
         let walls = &mut self.totals.walls;
+        let now = (self.time, dt);
         self.walls
-            .forces(segments, &self.law, self.time, dt, loads, walls);
+            .forces(segments, &self.law, now, loads, &mut drag, walls);
+        (self.drag, self.drag_step) = (drag, dt);
+        self.book(segments, dt);
         self.totals.dissipated += self.totals.walls.dissipated + self.own_sums()[2];
+    }
+
+    /// Books half the loss of a step: forces act in its middle, where the velocity is the mean of those before and after
+    /// the kick that they give.
+    fn book(&mut self, segments: &Segments<'_>, step: f64) {
+        let power = block_sum(self.drag.len(), |range| {
+            let each = |i: usize| {
+                let (start, end) = (&segments.start_velocity[i], &segments.end_velocity[i]);
+                self.drag[i].power(start, end, &segments.angular_velocity[i])
+            };
+            range.map(each).sum()
+        });
+        self.totals.dissipated -= 0.5 * step * power;
     }
 
     fn respond(&mut self, dt: f64) {
@@ -337,8 +365,10 @@ impl ContactSystem {
                 rub_share: 1.0,
                 facing: (far.0 > 0.0).then(|| Facing::axes(&a, &b, [radius_a, radius_b])),
             };
+            let mut response = law.respond(&touch, &mut pair.spring, dt);
+            response.dissipated -= response.drag.dot(&image.velocity) * dt;
             pair.contact = Some(Contact {
-                response: law.respond(&touch, &mut pair.spring, dt),
+                response,
                 at,
                 arms,
                 overlap,
@@ -346,14 +376,16 @@ impl ContactSystem {
         });
     }
 
-    fn gather(&self, loads: &mut [SegmentLoad]) {
-        loads.par_iter_mut().enumerate().for_each(|(i, load)| {
+    fn gather(&self, loads: &mut [SegmentLoad], drag: &mut [SegmentLoad]) {
+        let both = loads.par_iter_mut().zip(drag).enumerate();
+        both.for_each(|(i, (load, drag))| {
             for &entry in self.row(i) {
                 let (pair, side) = ((entry >> 1) as usize, (entry & 1) as usize);
                 if let Some(contact) = &self.pairs[pair].contact {
                     let sign = if side == 0 { 1.0 } else { -1.0 };
-                    let force = contact.response.force * sign;
-                    load.add(&force, contact.at[side], &contact.arms[side]);
+                    let (at, arm) = (contact.at[side], &contact.arms[side]);
+                    load.add(&(contact.response.force * sign), at, arm);
+                    drag.add(&(contact.response.drag * sign), at, arm);
                     load.torque += contact.response.couple * sign;
                 }
             }

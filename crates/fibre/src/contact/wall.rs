@@ -221,14 +221,15 @@ impl WallContacts {
             .for_each(|(slot, spring)| *slot = *spring);
     }
 
-    /// Adds the wall forces of a step to the loads; `time` is that since the walls were where the settings put them.
+    /// Adds the wall forces of a step `dt` to the loads, and what of them does work that is lost to `drag`; `time` is that
+    /// since the walls were where the settings put them.
     pub fn forces(
         &mut self,
         segments: &Segments<'_>,
         law: &Law,
-        time: f64,
-        dt: f64,
+        (time, dt): (f64, f64),
         loads: &mut [SegmentLoad],
+        drag: &mut [SegmentLoad],
         totals: &mut WallTotals,
     ) {
         let work = totals.work;
@@ -255,7 +256,8 @@ impl WallContacts {
             for slot in 0..2 {
                 wall.touch(group, &step, slot, &mut self.scratch);
                 wall.hand_over(group, slot, &self.scratch.near);
-                step.press(wall, group, slot, &self.scratch.near, loads, totals);
+                let near = &self.scratch.near;
+                step.press(wall, group, slot, near, [&mut *loads, &mut *drag], totals);
             }
         }
     }
@@ -284,7 +286,7 @@ impl Step<'_> {
         group: &mut [Candidate],
         slot: usize,
         near: &[Option<Near>],
-        loads: &mut [SegmentLoad],
+        [loads, drag]: [&mut [SegmentLoad]; 2],
         totals: &mut WallTotals,
     ) {
         let Self {
@@ -326,12 +328,13 @@ impl Step<'_> {
             };
             let response = law.respond(&touch, &mut candidate.springs[slot], *dt);
             loads[i].add(&response.force, near.at, &arm);
+            drag[i].add(&response.drag, near.at, &arm);
             candidate.overlap = candidate.overlap.max(overlap);
             candidate.far_stiffness += response.far_stiffness;
             totals.contacts += usize::from(overlap > -law.far.contact_gap());
             totals.max_overlap = totals.max_overlap.max(overlap);
             totals.stored += response.stored;
-            totals.dissipated += response.dissipated;
+            totals.dissipated += response.dissipated + response.drag.dot(&wall.velocity) * dt;
             totals.work += response.force.dot(&wall.velocity) * dt;
             totals.force[candidate.wall as usize] -= response.force;
         }

@@ -1,0 +1,118 @@
+//! VALIDATION B6: 500 fibres of aspect ratio 30 squeezed by a moving wall from 2 % to 12 % of volume; crossings of centre
+//! lines, largest overlap, energy budget. Lengths in diameters; `cargo run --release -p fibreflow-fibre --example squeeze`
+
+use fibreflow_fibre::contact::{ContactSettings, NormalDamping, Wall};
+use fibreflow_fibre::placement::{
+    Amount, CentreLine, Orientation, PlacementDomain, PlacementSettings, place_random,
+};
+use fibreflow_fibre::{Fibre, FibreSettings, FibreSystem, Material, PeriodicBox, Vector3};
+use fibreflow_parallel::Communicator;
+use std::error::Error;
+use std::f64::consts::PI;
+use std::time::Instant;
+
+const COUNT: usize = 500;
+const SEGMENTS: usize = 6;
+const LENGTH: f64 = 30.0;
+const RADIUS: f64 = 0.5;
+const EDGE: f64 = 75.0;
+const MODULUS: f64 = 1e4;
+const FRACTIONS: [f64; 2] = [0.02, 0.12];
+const SPEED: f64 = 0.5;
+const REPORTS: usize = 20;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let solid = COUNT as f64 * PI * RADIUS * RADIUS * LENGTH;
+    let height = |fraction: f64| solid / (fraction * EDGE * EDGE);
+    let [start, end] = FRACTIONS.map(height);
+    let mut fibres = scene(start)?;
+    let before = fibres.energy().total();
+    let interval = (start - end) / SPEED / REPORTS as f64;
+    let steps = (interval / 0.1).ceil() as usize;
+    let clock = Instant::now();
+    println!(
+        "fraction contacts overlap/d crossings work kinetic elastic contact dissipated defect/work"
+    );
+    let mut deepest: f64 = 0.0;
+    for report in 1..=REPORTS {
+        for _ in 0..steps {
+            fibres.advance_free(interval / steps as f64)?;
+            let contacts = fibres.contacts().ok_or("no contacts")?;
+            deepest = deepest.max(contacts.statistics().max_overlap);
+        }
+        let contacts = fibres.contacts().ok_or("no contacts")?.statistics();
+        let energy = fibres.energy();
+        let kept = energy.total() - before + contacts.stored_energy;
+        let defect = contacts.wall_work - kept - contacts.dissipated_energy;
+        let now = start - SPEED * interval * report as f64;
+        println!(
+            "{:.4} {} {:.4} {} {:.5e} {:.3e} {:.3e} {:.3e} {:.5e} {:.2e}",
+            solid / (now * EDGE * EDGE),
+            contacts.contacts,
+            deepest / (2.0 * RADIUS),
+            contacts.crossings,
+            contacts.wall_work,
+            energy.kinetic,
+            energy.elastic.total(),
+            contacts.stored_energy,
+            contacts.dissipated_energy,
+            defect / contacts.wall_work,
+        );
+    }
+    println!(
+        "{} sub-steps a step, {:.1} s",
+        fibres.substeps(),
+        clock.elapsed().as_secs_f64()
+    );
+    Ok(())
+}
+
+/// Fibres at rest between a floor and a ceiling that comes down.
+fn scene(height: f64) -> Result<FibreSystem, Box<dyn Error>> {
+    let size = Vector3::new(EDGE, EDGE, height);
+    let placed = place_random(&PlacementSettings {
+        amount: Amount::Count(COUNT),
+        length: LENGTH,
+        radius: RADIUS,
+        centre_line: CentreLine::Straight,
+        segments: SEGMENTS,
+        domain: PlacementDomain {
+            origin: Vector3::zeros(),
+            size,
+            periodic: [true, true, false],
+        },
+        wall_clearance: 0.0,
+        gap: 0.0,
+        orientation: Orientation::Isotropic,
+        seed: 1,
+        max_attempts: 100_000,
+    })?;
+    let ceiling = Wall {
+        velocity: -SPEED * Vector3::z(),
+        ..Wall::plane(height * Vector3::z(), -Vector3::z())
+    };
+    let contacts = ContactSettings {
+        damping: NormalDamping::Ratio(0.3),
+        friction: 0.3,
+        walls: vec![Wall::plane(Vector3::zeros(), Vector3::z()), ceiling],
+        periodic: PeriodicBox {
+            origin: Vector3::zeros(),
+            lengths: [Some(EDGE), Some(EDGE), None],
+        },
+        count_crossings: true,
+        ..ContactSettings::new(MODULUS * RADIUS, 0.5 * RADIUS)
+    };
+    let settings = FibreSettings {
+        contacts: Some(contacts),
+        step_safety: 0.5,
+        ..FibreSettings::default()
+    };
+    let line = CentreLine::Straight.nodes(LENGTH, SEGMENTS);
+    let material = Material::new(RADIUS, MODULUS, 0.3, 1.0);
+    let fibre = |(id, place): (usize, &fibreflow_fibre::placement::PlacedFibre)| {
+        let nodes = place.nodes(&line);
+        Fibre::straight(id as u64, material, nodes[0], nodes[SEGMENTS], SEGMENTS)
+    };
+    let fibres = placed.iter().enumerate().map(fibre).collect();
+    Ok(FibreSystem::new(Communicator::single(), settings, fibres)?)
+}
