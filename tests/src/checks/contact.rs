@@ -2,8 +2,8 @@
 
 use super::{Outcome, ensure};
 use fibreflow_fibre::contact::{
-    ContactError, ContactSettings, ContactSystem, FrictionRecord, NormalDamping, SegmentLoad,
-    Segments, Wall,
+    ContactError, ContactSettings, ContactStatistics, ContactSystem, FrictionRecord, Lubrication,
+    LubricationModel, NormalDamping, Repulsion, SegmentLoad, Segments, VanDerWaals, Wall,
 };
 use fibreflow_fibre::{PeriodicBox, Vector3};
 use fibreflow_parallel::Communicator;
@@ -118,22 +118,88 @@ fn settings(length: f64) -> ContactSettings {
     }
 }
 
+/// All forces at a distance, between a wall that comes nearer and a floor of triangles.
+fn at_a_distance() -> ContactSettings {
+    let cells = 6;
+    let floor = |k: usize| {
+        let at = |i: usize, j: usize| {
+            let place = Vector3::new(i as f64, 0.0, j as f64) * (EDGE / cells as f64);
+            place - 0.5 * EDGE * Vector3::y()
+        };
+        let (i, j) = (k % cells, k / cells);
+        let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+        [[a, c, b], [a, d, c]]
+    };
+    let ceiling = Wall {
+        velocity: Vector3::new(0.1, -0.2, 0.0),
+        ..Wall::plane(0.5 * EDGE * Vector3::y(), -Vector3::y())
+    };
+    ContactSettings {
+        repulsion: Some(Repulsion {
+            strength: 5.0,
+            decay: 0.1,
+            attraction: 1.0,
+            attraction_width: 0.03,
+            range: 0.05,
+            contact_gap: 0.01,
+        }),
+        van_der_waals: Some(VanDerWaals {
+            hamaker: 1e-2,
+            closest: 0.01,
+            range: 0.05,
+        }),
+        lubrication: Some(Lubrication {
+            viscosity: 0.1,
+            roughness: 0.005,
+            range: 0.06,
+            model: LubricationModel::Cylinders,
+        }),
+        walls: vec![
+            Wall::facets((0..cells * cells).flat_map(floor).collect()),
+            ceiling,
+        ],
+        ..settings(EDGE)
+    }
+}
+
+/// Without walls, sheared.
+fn sheared() -> ContactSettings {
+    let mut settings = ContactSettings {
+        walls: Vec::new(),
+        shear_rate: 3.0,
+        count_crossings: true,
+        ..at_a_distance()
+    };
+    settings.periodic.lengths[1] = Some(EDGE);
+    settings
+}
+
 /// Every rank also computes everything alone: its loads must be the same to the last bit, through searches, changes of
 /// owner and a restart from the records of the others.
 pub fn independent_of_the_ranks(communicator: &Communicator) -> Outcome {
+    for scene in [settings(EDGE), at_a_distance(), sheared()] {
+        compare(communicator, &scene)?;
+    }
+    Ok(())
+}
+
+fn compare(communicator: &Communicator, scene: &ContactSettings) -> Outcome {
     let (rank, size) = (communicator.rank() as u64, communicator.size() as u64);
     let alone = Communicator::single();
     let mut whole = Cloud::random(250);
-    let mut expected = ContactSystem::new(settings(EDGE), &alone)?;
-    let mut shared = ContactSystem::new(settings(EDGE), communicator)?;
+    let mut expected = ContactSystem::new(scene.clone(), &alone)?;
+    let mut shared = ContactSystem::new(scene.clone(), communicator)?;
     let dt = 1e-3;
-    let mut rebuilds = 0;
+    let mut before = ContactStatistics::default();
     for step in 0..60u64 {
         // Owners change every ten steps.
         let (indices, part) = whole.part(|fibre| (fibre * (1 + step / 10)) % size == rank);
         if step == 35 {
-            rebuilds = shared.statistics().rebuilds;
-            shared = resumed(communicator, &shared)?;
+            before = shared.statistics();
+            shared = resumed(communicator, scene, &shared)?;
+        }
+        for contacts in [&mut expected, &mut shared] {
+            contacts.set_time(dt * step as f64);
         }
         let loads = whole.loads(&mut expected, dt)?;
         let own = part.loads(&mut shared, dt)?;
@@ -141,12 +207,15 @@ pub fn independent_of_the_ranks(communicator: &Communicator) -> Outcome {
         ensure(!communicator.any(!equal), || {
             format!("loads differ in step {step}")
         })?;
+        expected.count_crossings(dt);
+        shared.count_crossings(dt);
         let (ours, all) = (shared.statistics(), expected.statistics());
-        let counts = [ours.contacts, ours.wall_contacts];
-        ensure(counts == [all.contacts, all.wall_contacts], || {
+        let counts = |s: &ContactStatistics| [s.contacts, s.wall_contacts];
+        ensure(counts(&ours) == counts(&all), || {
             format!("{ours:?} instead of {all:?} in step {step}")
         })?;
-        ensure(ours.contacts > 40 && ours.wall_contacts > 2, || {
+        let held = scene.walls.is_empty() || ours.wall_contacts > 2;
+        ensure(ours.contacts > 40 && held, || {
             format!("too few contacts to tell: {ours:?}")
         })?;
         ensure(
@@ -160,7 +229,12 @@ pub fn independent_of_the_ranks(communicator: &Communicator) -> Outcome {
         )?;
         whole.advance(&loads, dt);
     }
-    rebuilds += shared.statistics().rebuilds;
+    let ours = shared.statistics();
+    let crossings = before.crossings + ours.crossings;
+    ensure(crossings == expected.statistics().crossings, || {
+        format!("{crossings} crossings")
+    })?;
+    let rebuilds = before.rebuilds + ours.rebuilds;
     ensure(rebuilds > 12, || format!("only {rebuilds} searches"))?;
     let springs = communicator.sum_count(shared.records().len());
     ensure(springs == expected.records().len() && springs > 30, || {
@@ -171,13 +245,14 @@ pub fn independent_of_the_ranks(communicator: &Communicator) -> Outcome {
 /// A new system from the records of the next rank.
 fn resumed(
     communicator: &Communicator,
+    scene: &ContactSettings,
     old: &ContactSystem,
 ) -> Result<ContactSystem, Box<dyn std::error::Error>> {
     let size = communicator.size();
     let mut outgoing: Vec<Vec<FrictionRecord>> = vec![Vec::new(); size];
     outgoing[(communicator.rank() + 1) % size] = old.records();
     let records = communicator.exchange(outgoing).into_iter().flatten();
-    let mut new = ContactSystem::new(settings(EDGE), communicator)?;
+    let mut new = ContactSystem::new(scene.clone(), communicator)?;
     new.restore_records(records.collect());
     Ok(new)
 }
