@@ -37,6 +37,7 @@ mpi_checks! {
     contacts_do_not_depend_on_the_ranks,
     a_short_periodic_box_is_refused_by_all_ranks,
     fibres_change_owner_unnoticed,
+    fibres_in_contact_for_long,
     transfer_agrees_on_any_ranks,
     coupled_ranks_agree,
     crowded_fibres_are_handed_out,

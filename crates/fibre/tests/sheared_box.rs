@@ -28,8 +28,9 @@ fn settings(rate: f64) -> ContactSettings {
 #[derive(Clone, Default)]
 struct Rods {
     ids: Vec<u64>,
-    start: Vec<Vector3>,
-    end: Vec<Vector3>,
+    /// Start and end of each rod.
+    position: Vec<Vector3>,
+    /// The same at both ends.
     velocity: Vec<Vector3>,
 }
 
@@ -41,9 +42,8 @@ impl Rods {
         for id in 0..count {
             let start = vector(0.5 * EDGE);
             rods.ids.push(id << 20);
-            rods.start.push(start);
-            rods.end.push(start + vector(0.8));
-            rods.velocity.push(vector(1.0));
+            rods.position.extend([start, start + vector(0.8)]);
+            rods.velocity.extend([vector(1.0); 2]);
         }
         rods
     }
@@ -52,18 +52,17 @@ impl Rods {
         let n = self.ids.len();
         let segments = Segments {
             ids: &self.ids,
-            start: &self.start,
-            end: &self.end,
-            start_velocity: &self.velocity,
-            end_velocity: &self.velocity,
-            angular_velocity: &vec![Vector3::zeros(); n],
+            node: &(0..n as u32).map(|i| 2 * i).collect::<Vec<_>>(),
+            position: &self.position,
+            velocity: &self.velocity,
+            angular_velocity: &vec![Vector3::zeros(); 2 * n],
             radius: &vec![0.15; n],
             mass: &vec![1.0; n],
         };
-        let mut loads = vec![SegmentLoad::default(); n];
         contacts.update(&segments).expect("update");
-        contacts.forces(&segments, dt, &mut loads);
-        loads
+        contacts.forces(&segments, dt);
+        let load = |i| contacts.load(i).copied().unwrap_or_default();
+        (0..n).map(load).collect()
     }
 }
 
@@ -100,9 +99,10 @@ fn images_of_rods_feel_the_same_forces() {
         for i in 0..moved.ids.len() {
             let [k, layer, m] = [i % 3, i % 5, i % 7].map(|k| k as f64 - 2.0);
             let shift = Vector3::new(k + layer * strain, layer, m) * EDGE;
-            moved.start[i] += shift;
-            moved.end[i] += shift;
-            moved.velocity[i].x += layer * EDGE * RATE;
+            for end in [2 * i, 2 * i + 1] {
+                moved.position[end] += shift;
+                moved.velocity[end].x += layer * EDGE * RATE;
+            }
         }
         let found = moved.loads(&mut sheared(RATE, strain), 1e-3);
         assert!(close(&expected, &found, 1e-9), "strain {strain}");
@@ -127,9 +127,11 @@ fn a_sheared_box_repeats() {
 fn pairs_over_the_sheared_face_feel_the_relative_velocity() {
     let rods = Rods {
         ids: vec![0, 1 << 20],
-        start: vec![Vector3::new(0.0, 0.21, 0.0), Vector3::new(0.0, 4.1, 0.0)],
-        end: vec![Vector3::new(1.0, 0.21, 0.0), Vector3::new(1.0, 4.1, 0.0)],
-        velocity: vec![Vector3::zeros(); 2],
+        position: [0.21, 4.1]
+            .into_iter()
+            .flat_map(|y| [0.0, 1.0].map(|x| Vector3::new(x, y, 0.0)))
+            .collect(),
+        velocity: vec![Vector3::zeros(); 4],
     };
     let dt = 1e-6;
     // Upright: the image of the second rod is 0.11 below the first, and stays behind with −γ̇L.

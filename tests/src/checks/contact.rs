@@ -16,8 +16,9 @@ const EDGE: f64 = 4.0;
 #[derive(Clone, Default)]
 struct Cloud {
     ids: Vec<u64>,
-    /// Start, end, their velocities, angular velocity.
-    vectors: [Vec<Vector3>; 5],
+    node: Vec<u32>,
+    /// Position, velocity and angular velocity of start and end of each segment.
+    vectors: [Vec<Vector3>; 3],
     radius: Vec<f64>,
     mass: Vec<f64>,
 }
@@ -40,9 +41,10 @@ impl Cloud {
                 let start = end;
                 end += vector(0.3);
                 cloud.ids.push(fibre << 20 | segment);
-                let motion = [start, end, vector(1.0), vector(1.0), vector(3.0)];
-                for (list, value) in cloud.vectors.iter_mut().zip(motion) {
-                    list.push(value);
+                cloud.node.push(cloud.vectors[0].len() as u32);
+                let motion = [[start, end], [vector(1.0), vector(1.0)], [vector(3.0); 2]];
+                for (list, values) in cloud.vectors.iter_mut().zip(motion) {
+                    list.extend(values);
                 }
                 cloud.radius.push(0.12 + vector(0.02).x);
                 cloud.mass.push(1.0 + vector(0.5).x);
@@ -57,9 +59,14 @@ impl Cloud {
             .filter(|&i| mine(self.ids[i] >> 20))
             .collect();
         let pick = |values: &Vec<f64>| indices.iter().map(|&i| values[i]).collect();
+        let ends = |list: &Vec<Vector3>| {
+            let both = indices.iter().flat_map(|&i| [2 * i, 2 * i + 1]);
+            both.map(|i| list[i]).collect()
+        };
         let part = Self {
             ids: indices.iter().map(|&i| self.ids[i]).collect(),
-            vectors: std::array::from_fn(|k| indices.iter().map(|&i| self.vectors[k][i]).collect()),
+            node: (0..indices.len() as u32).map(|i| 2 * i).collect(),
+            vectors: std::array::from_fn(|k| ends(&self.vectors[k])),
             radius: pick(&self.radius),
             mass: pick(&self.mass),
         };
@@ -67,16 +74,15 @@ impl Cloud {
     }
 
     fn segments(&self) -> Segments<'_> {
-        let [start, end, start_velocity, end_velocity, angular_velocity] = &self.vectors;
+        let [position, velocity, angular_velocity] = &self.vectors;
         Segments {
             ids: &self.ids,
-            start,
-            end,
-            start_velocity,
-            end_velocity,
-            angular_velocity,
+            node: &self.node,
             radius: &self.radius,
             mass: &self.mass,
+            position,
+            velocity,
+            angular_velocity,
         }
     }
 
@@ -85,20 +91,20 @@ impl Cloud {
         contacts: &mut ContactSystem,
         dt: f64,
     ) -> Result<Vec<SegmentLoad>, ContactError> {
-        let mut loads = vec![SegmentLoad::default(); self.ids.len()];
         contacts.update(&self.segments())?;
-        contacts.forces(&self.segments(), dt, &mut loads);
-        Ok(loads)
+        contacts.forces(&self.segments(), dt);
+        let load = |i: usize| contacts.load(i).copied().unwrap_or_default();
+        Ok((0..self.ids.len()).map(load).collect())
     }
 
     fn advance(&mut self, loads: &[SegmentLoad], dt: f64) {
-        let [start, end, start_velocity, end_velocity, _] = &mut self.vectors;
+        let [position, velocity, _] = &mut self.vectors;
         for (i, load) in loads.iter().enumerate() {
             let per_mass = 2.0 * dt / self.mass[i];
-            start_velocity[i] += load.start_force * per_mass;
-            end_velocity[i] += load.end_force * per_mass;
-            start[i] += start_velocity[i] * dt;
-            end[i] += end_velocity[i] * dt;
+            for (node, force) in [(2 * i, load.start_force), (2 * i + 1, load.end_force)] {
+                velocity[node] += force * per_mass;
+                position[node] += velocity[node] * dt;
+            }
         }
     }
 }
@@ -207,8 +213,8 @@ fn compare(communicator: &Communicator, scene: &ContactSettings) -> Outcome {
         ensure(!communicator.any(!equal), || {
             format!("loads differ in step {step}")
         })?;
-        expected.count_crossings(dt);
-        shared.count_crossings(dt);
+        expected.count_crossings(&whole.segments(), dt);
+        shared.count_crossings(&part.segments(), dt);
         let (ours, all) = (shared.statistics(), expected.statistics());
         let counts = |s: &ContactStatistics| [s.contacts, s.wall_contacts];
         ensure(counts(&ours) == counts(&all), || {

@@ -89,3 +89,29 @@ pub fn migration_changes_nothing(communicator: &Communicator) -> Outcome {
     }
     Ok(())
 }
+
+/// A thousand sub-steps in contact, without a flow, are bitwise those of one rank.
+pub fn long_contact(communicator: &Communicator) -> Outcome {
+    let (ranks, rank) = (communicator.size() as u64, communicator.rank() as u64);
+    let dry = FibreSettings {
+        hydrodynamics: None,
+        ..settings()
+    };
+    let mine = heap(|id| id % ranks == rank);
+    let mut shared = FibreSystem::new(communicator.clone(), dry.clone(), mine)?;
+    let mut alone = FibreSystem::new(Communicator::single(), dry, heap(|_| true))?;
+    let (mut substeps, mut contacts) = (0, 0);
+    while substeps < 1000 {
+        shared.advance_free(2e-3)?;
+        alone.advance_free(2e-3)?;
+        substeps += alone.substeps();
+        contacts = contacts.max(alone.contacts().map_or(0, |c| c.statistics().contacts));
+    }
+    ensure(contacts > 10, || format!("only {contacts} contacts"))?;
+    let reference = alone.state();
+    for record in &shared.state().records {
+        let same = reference.records[record.id as usize] == *record;
+        ensure(same, || format!("fibre {} differs", record.id))?;
+    }
+    Ok(())
+}

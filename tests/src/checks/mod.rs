@@ -58,6 +58,7 @@ pub const CHECKS: &[(&str, Check)] = &[
         "fibres_change_owner_unnoticed",
         fibres::migration_changes_nothing,
     ),
+    ("fibres_in_contact_for_long", fibres::long_contact),
     ("transfer_agrees_on_any_ranks", coupling::ranks_agree),
     ("coupled_ranks_agree", coupled::ranks_agree),
     (

@@ -22,6 +22,15 @@ pub(super) struct Found {
     pub owner: [u32; 2],
     /// Their local indices on the owners.
     pub index: [u32; 2],
+    /// Gap between their surfaces \[m\].
+    pub gap: f64,
+}
+
+impl Found {
+    /// Owner and local index on it, of both segments.
+    pub fn places(&self) -> [(u32, u32); 2] {
+        [0, 1].map(|side| (self.owner[side], self.index[side]))
+    }
 }
 
 /// What a search found for this rank.
@@ -76,7 +85,10 @@ pub(super) fn search(
         }
     }
     let ranks = communicator.size();
-    let home = |key: u64| (mix(key) % ranks as u64) as usize;
+    let home = |key: u64| match ranks {
+        1 => 0,
+        _ => (mix(key) % ranks as u64) as usize,
+    };
     let grid = CellGrid::new(periodic, reach);
     let cover = |entry: &Entry| {
         let upright = entry.ends().map(|x| images.upright(&x));
@@ -100,11 +112,14 @@ pub(super) fn search(
         } else {
             (&entries[j], &entries[i])
         };
-        let unique = covers[i].common(&covers[j]) == Some(key);
-        (unique && touches(a, b, images, skin)).then_some(Found {
+        if covers[i].common(&covers[j]) != Some(key) {
+            return None;
+        }
+        near_gap(a, b, images, skin).map(|gap| Found {
             ids: [a.id, b.id],
             owner: [a.owner, b.owner],
             index: [a.index, b.index],
+            gap,
         })
     };
     let found: Vec<Found> = cells
@@ -143,10 +158,11 @@ fn longest_reach(
     communicator: &Communicator,
     segments: &Segments<'_>,
 ) -> Result<f64, ContactError> {
-    let ends = segments.start.iter().zip(segments.end);
-    let reach = ends
-        .zip(segments.radius)
-        .map(|((start, end), radius)| (end - start).norm() + 2.0 * radius)
+    let reach = (0..segments.count())
+        .map(|i| {
+            let [start, end] = segments.ends(i);
+            (end - start).norm() + 2.0 * segments.radius[i]
+        })
         .fold(0.0, |longest: f64, x| {
             if x.is_nan() || longest.is_nan() {
                 f64::NAN
@@ -171,10 +187,11 @@ fn addressed(
     let mut outgoing = vec![Vec::new(); communicator.size()];
     let mut homes = Vec::with_capacity(8);
     for (index, &id) in segments.ids.iter().enumerate() {
+        let [start, end] = segments.ends(index).map(Into::into);
         let entry = Entry {
             id,
-            start: segments.start[index].into(),
-            end: segments.end[index].into(),
+            start,
+            end,
             radius: segments.radius[index],
             owner: communicator.rank() as u32,
             index: index as u32,
@@ -188,20 +205,26 @@ fn addressed(
     outgoing
 }
 
-fn touches(a: &Entry, b: &Entry, images: &Images, skin: f64) -> bool {
+/// Gap between two segments \[m\] if it is below `skin` and they are no neighbours in a fibre.
+fn near_gap(a: &Entry, b: &Entry, images: &Images, skin: f64) -> Option<f64> {
     if neighbours(a, b) {
-        return false;
+        return None;
     }
     let (ends_a, mut ends_b) = (a.ends(), b.ends());
     let shift = images.beside(&ends_a, &ends_b).shift;
     ends_b.iter_mut().for_each(|end| *end -= shift);
-    let reach = a.radius + b.radius + skin;
+    let reach = a.radius + b.radius;
     let apart = (0..3).any(|axis| {
         let (low_a, high_a) = sorted(ends_a[0][axis], ends_a[1][axis]);
         let (low_b, high_b) = sorted(ends_b[0][axis], ends_b[1][axis]);
-        low_b - high_a > reach || low_a - high_b > reach
+        low_b - high_a > reach + skin || low_a - high_b > reach + skin
     });
-    !apart && closest_points(&ends_a, &ends_b).distance < reach
+    let gap = if apart {
+        f64::INFINITY
+    } else {
+        closest_points(&ends_a, &ends_b).distance - reach
+    };
+    (gap < skin).then_some(gap)
 }
 
 fn sorted(x: f64, y: f64) -> (f64, f64) {

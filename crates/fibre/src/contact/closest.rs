@@ -38,7 +38,7 @@ pub fn closest_points(a: &[Vector3; 2], b: &[Vector3; 2]) -> ClosestPoints {
 /// so the point is a continuous function of the four ends, moves over the tilts at which δ still reaches over the axes,
 /// and is the closest one in the limit of no overlap. A contact of energy ½kδ²g has the force kδg along B − A alone.
 pub fn contact_points(a: &[Vector3; 2], b: &[Vector3; 2], reach: f64) -> Option<ClosestPoints> {
-    near_points(a, b, reach, 0.0, 0.0)
+    near_points(a, b, reach, 0.0, 0.0).ok()
 }
 
 /// The share of a contact's stiffness at a place of the two axes: about one half at a common end of two segments, which
@@ -49,26 +49,30 @@ pub(super) fn share(points: &ClosestPoints) -> f64 {
 }
 
 /// As [`contact_points`], up to a gap `range`, for forces that change over the length `scale`: the contact point moves as
-/// if the overlap were larger by that much.
+/// if the overlap were larger by that much. When the two are apart, how far beyond that range \[m\].
 pub(super) fn near_points(
     a: &[Vector3; 2],
     b: &[Vector3; 2],
     reach: f64,
     range: f64,
     scale: f64,
-) -> Option<ClosestPoints> {
+) -> Result<ClosestPoints, f64> {
     let axes = Axes::new(a, b);
     let mut points = axes.closest();
     let overlap = reach - points.distance;
     if overlap.is_nan() || overlap <= -range {
-        return None;
+        return Err(-overlap - range);
     }
     // Stationary where |A − B|² + |A − B|δ((s − ½)² + (t − ½)²) is least, with the factor of the place itself.
     for _ in 0..REFINEMENTS {
         let depth = (reach - points.distance).max(0.0) + scale;
         points = axes.minimise(points.distance * depth, [0.5; 2]);
     }
-    (points.distance < reach + range).then_some(points)
+    if points.distance < reach + range {
+        Ok(points)
+    } else {
+        Err(0.0)
+    }
 }
 
 /// Two axes a₀ + s p and b₀ + t q.

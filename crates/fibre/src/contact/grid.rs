@@ -79,22 +79,32 @@ impl Cover {
     pub fn common(&self, other: &Self) -> Option<u64> {
         let mut cell = [0; 3];
         for axis in 0..3 {
-            cell[axis] = (0..self.count[axis])
-                .map(|k| self.cell(axis, k))
-                .filter(|&c| other.holds(axis, c))
-                .min()?;
+            // Of two stretches that meet, one starts within the other.
+            let (mine, theirs) = (self.first[axis], other.first[axis]);
+            cell[axis] = match (other.holds(axis, mine), self.holds(axis, theirs)) {
+                (true, true) => mine.min(theirs),
+                (true, false) => mine,
+                (false, true) => theirs,
+                (false, false) => return None,
+            };
         }
         Some(key(cell))
     }
 
     fn cell(&self, axis: usize, offset: i64) -> i64 {
         let cell = self.first[axis] + offset;
-        self.around[axis].map_or(cell, |n| cell % n)
+        match self.around[axis] {
+            Some(n) if cell >= n => cell - n,
+            _ => cell,
+        }
     }
 
+    /// Whether a cell, inside the period, is covered.
     fn holds(&self, axis: usize, cell: i64) -> bool {
-        let offset = cell - self.first[axis];
-        let offset = self.around[axis].map_or(offset, |n| offset.rem_euclid(n));
+        let offset = match (cell - self.first[axis], self.around[axis]) {
+            (behind, Some(n)) if behind < 0 => behind + n,
+            (offset, _) => offset,
+        };
         (0..self.count[axis]).contains(&offset)
     }
 }

@@ -14,8 +14,11 @@ mod far;
 mod grid;
 mod images;
 mod law;
+mod loads;
+mod pairs;
 mod springs;
 mod system;
+mod travel;
 mod wall;
 
 pub use closest::{ClosestPoints, closest_points, contact_points};
@@ -86,28 +89,54 @@ pub enum NormalDamping {
     Ratio(f64),
 }
 
-/// The segments a rank owns, in ascending order of their ids; every slice has one entry a segment.
+/// The segments a rank owns, in ascending order of their ids, and the nodes that they join.
 #[derive(Clone, Copy, Debug)]
 pub struct Segments<'a> {
-    /// Global ids: fibre << 20 | index in the fibre.
+    /// Global ids: fibre << 20 | index in the fibre; one entry a segment, as `node`, `radius` and `mass`.
     pub ids: &'a [u64],
-    /// First end of the axis, not wrapped into a periodic box \[m\].
-    pub start: &'a [Vector3],
-    /// Second end of the axis \[m\].
-    pub end: &'a [Vector3],
-    /// Velocity of the first end \[m/s\].
-    pub start_velocity: &'a [Vector3],
-    /// Velocity of the second end \[m/s\].
-    pub end_velocity: &'a [Vector3],
-    /// Angular velocity of the segment's surface about its axis point \[rad/s\].
-    pub angular_velocity: &'a [Vector3],
+    /// First end of the axis, an index into the nodes; the second end is the next node.
+    pub node: &'a [u32],
     /// Radius \[m\].
     pub radius: &'a [f64],
     /// Mass \[kg\].
     pub mass: &'a [f64],
+    /// Positions of the nodes, not wrapped into a periodic box \[m\].
+    pub position: &'a [Vector3],
+    /// Velocities of the nodes \[m/s\].
+    pub velocity: &'a [Vector3],
+    /// Angular velocities of the nodes' frames \[rad/s\].
+    pub angular_velocity: &'a [Vector3],
 }
 
-/// Contact load on a segment; [`ContactSystem::forces`] adds to it.
+impl Segments<'_> {
+    /// Number of segments.
+    pub fn count(&self) -> usize {
+        self.ids.len()
+    }
+
+    /// Both ends of the axis \[m\].
+    #[inline]
+    pub fn ends(&self, segment: usize) -> [Vector3; 2] {
+        let node = self.node[segment] as usize;
+        [self.position[node], self.position[node + 1]]
+    }
+
+    /// Velocities of both ends \[m/s\].
+    #[inline]
+    pub fn end_velocities(&self, segment: usize) -> [Vector3; 2] {
+        let node = self.node[segment] as usize;
+        [self.velocity[node], self.velocity[node + 1]]
+    }
+
+    /// Angular velocity of the surface about the axis, the mean of the ends' \[rad/s\].
+    #[inline]
+    pub fn spin(&self, segment: usize) -> Vector3 {
+        let node = self.node[segment] as usize;
+        (self.angular_velocity[node] + self.angular_velocity[node + 1]) * 0.5
+    }
+}
+
+/// Contact load on a segment.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SegmentLoad {
     /// Force on the first end \[N\].

@@ -2,16 +2,16 @@
 
 use crate::Vector3;
 use crate::contact::broad::{Found, search};
-use crate::contact::closest::{near_points, share};
-use crate::contact::crossing::crossings;
-use crate::contact::far::Facing;
 use crate::contact::images::Images;
-use crate::contact::law::{Law, Response, Touch};
+use crate::contact::law::Law;
+use crate::contact::loads::Loads;
+use crate::contact::pairs::{Bodies, Ghost, Pairs};
 use crate::contact::springs::{FrictionRecord, carry};
+use crate::contact::travel::Travel;
 use crate::contact::wall::{WallContacts, WallTotals};
 use crate::contact::{ContactError, ContactSettings, SegmentLoad, Segments};
-use bytemuck::{Pod, Zeroable};
-use fibreflow_parallel::{Communicator, Halo, block_max, block_sum, block_sums};
+use bytemuck::Zeroable;
+use fibreflow_parallel::{Communicator, Halo};
 use rayon::prelude::*;
 
 /// Contacts between the segments of all ranks, and with walls.
@@ -20,68 +20,26 @@ pub struct ContactSystem {
     law: Law,
     communicator: Communicator,
     built: Option<Built>,
-    pairs: Vec<Pair>,
-    /// Pairs of every owned segment: `rows[offsets[i]..offsets[i + 1]]` holds pair << 1 | side, ascending.
-    offsets: Vec<u32>,
-    rows: Vec<u32>,
+    travel: Travel,
+    pairs: Pairs,
     halo: Halo,
-    /// Owned segments, then ghosts.
-    states: Vec<State>,
-    constants: Vec<[f64; 2]>,
+    /// Owned segments as other ranks see them, then ghosts; empty where no rank has ghosts of another.
+    ghosts: Vec<Ghost>,
+    loads: Loads,
     walls: WallContacts,
     /// Springs of a checkpoint that no pair has taken yet.
     pending: Vec<FrictionRecord>,
     /// Since the box was upright and the walls were where the settings put them \[s\].
     time: f64,
-    /// Load of the last step whose work is lost, and that step \[s\].
-    drag: Vec<SegmentLoad>,
-    drag_step: f64,
+    /// Step of the loads \[s\].
+    load_step: f64,
     totals: Totals,
 }
 
 /// What the last search was made for.
 struct Built {
     ids: Vec<u64>,
-    ends: Vec<[Vector3; 2]>,
     time: f64,
-    /// Longest segment with its caps and all that is added to it \[m\].
-    reach: f64,
-}
-
-/// Two segments that may touch, in ascending order of their ids.
-#[derive(Clone, Copy, Debug)]
-struct Pair {
-    ids: [u64; 2],
-    /// Indices into `states`.
-    local: [u32; 2],
-    spring: Vector3,
-    /// What the pair did in the last step, `None` when apart.
-    contact: Option<Contact>,
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Contact {
-    response: Response,
-    /// Places on the two axes.
-    at: [f64; 2],
-    /// Levers from the axes to the contact point \[m\].
-    arms: [Vector3; 2],
-    overlap: f64,
-}
-
-/// Kinematics of a segment as it travels between ranks.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct State {
-    ends: [[f64; 3]; 2],
-    velocities: [[f64; 3]; 2],
-    spin: [f64; 3],
-}
-
-impl State {
-    fn ends(&self) -> [Vector3; 2] {
-        self.ends.map(Vector3::from)
-    }
 }
 
 #[derive(Clone, Debug, Default)]
@@ -140,16 +98,14 @@ impl ContactSystem {
             settings,
             communicator: communicator.clone(),
             built: None,
-            pairs: Vec::new(),
-            offsets: vec![0],
-            rows: Vec::new(),
+            travel: Travel::default(),
+            pairs: Pairs::default(),
             halo: Halo::none(communicator, 0),
-            states: Vec::new(),
-            constants: Vec::new(),
+            ghosts: Vec::new(),
+            loads: Loads::default(),
             pending: Vec::new(),
             time: 0.0,
-            drag: Vec::new(),
-            drag_step: 0.0,
+            load_step: 0.0,
             totals: Totals::default(),
         })
     }
@@ -176,48 +132,43 @@ impl ContactSystem {
     /// # Errors
     /// [`ContactError`], the same on every rank, when a periodic box is too short or a position is not finite.
     pub fn update(&mut self, segments: &Segments<'_>) -> Result<(), ContactError> {
-        let same = |built: &Built| built.ids == segments.ids;
-        let moved = !self.built.as_ref().is_some_and(same) || !self.pending.is_empty();
-        let stale = moved
-            || self
-                .built
-                .as_ref()
-                .is_none_or(|b| self.strayed(b, segments));
-        // One reduction answers both questions.
-        let need = self
-            .communicator
-            .max(f64::from(u8::from(stale) + u8::from(moved)));
-        if need > 0.0 {
-            self.rebuild(segments, need > 1.0)?;
-        }
-        Ok(())
-    }
-
-    /// Whether two surfaces can have come nearer by the skin since the last search. In a sheared box, images keep their
-    /// places in a frame that is sheared along, so strays are measured in that frame.
-    fn strayed(&self, built: &Built, segments: &Segments<'_>) -> bool {
-        let passed = self.time - built.time;
-        let strain = self.settings.shear_rate * passed;
-        let moved = self.walls.speed() * passed.abs();
-        let room = 0.5 * (self.settings.skin - strain.abs() * built.reach);
-        if !(room > 0.0 && moved <= 0.5 * self.settings.skin) {
-            return true;
-        }
-        // Written so that a NaN counts as strayed.
-        let near = |x: &Vector3, before: &Vector3| {
-            let along = Vector3::new(strain * before.y, 0.0, 0.0);
-            (x - before - along).norm_squared() <= room * room
+        let time = self.time;
+        let built = self.built.as_ref().filter(|b| b.ids == segments.ids);
+        let passed = built
+            .filter(|_| self.pending.is_empty())
+            .map(|b| time - b.time);
+        // Infinite: segments have come or gone, springs were restored, or something is not finite.
+        let step = passed.map_or(f64::INFINITY, |passed| {
+            let strain = self.settings.shear_rate * passed;
+            self.travel.step(segments.position, strain)
+        });
+        let step = self.communicator.max(step);
+        let (Some(passed), true) = (passed, step < f64::INFINITY) else {
+            return self.rebuild(segments, true);
         };
-        let ends = segments.start.par_iter().zip(segments.end);
-        ends.zip(&built.ends)
-            .any(|((start, end), before)| !(near(start, &before[0]) && near(end, &before[1])))
+        self.travel.path += step;
+        let half_skin = 0.5 * self.settings.skin;
+        if self.walls.speed() * passed.abs() > half_skin {
+            return self.rebuild(segments, false);
+        }
+        if !self.travel.due(half_skin) {
+            return Ok(());
+        }
+        let distance = self.travel.distance(segments.position);
+        let distance = self.communicator.max(distance);
+        if distance < half_skin {
+            self.travel.measured(distance);
+            return Ok(());
+        }
+        self.rebuild(segments, false)
     }
 
     fn rebuild(&mut self, segments: &Segments<'_>, moved: bool) -> Result<(), ContactError> {
         if moved {
-            self.drag.clear();
+            self.loads.clear();
         }
-        let reach = self.settings.skin + self.law.far.range();
+        let range = self.law.far.range();
+        let reach = self.settings.skin + range;
         let found = search(&self.communicator, segments, &self.images(), reach)?;
         let published = if moved { self.records() } else { Vec::new() };
         let known = self.springs(|_| true);
@@ -228,12 +179,10 @@ impl ContactSystem {
         let (pair_springs, wall_springs) = springs.split_at(found.pairs.len());
         self.walls.set_springs(wall_springs);
         self.connect(segments, &found.pairs, pair_springs);
-        let ends = segments.start.iter().zip(segments.end);
+        self.travel = Travel::new(segments.position, found.reach);
         self.built = Some(Built {
             ids: segments.ids.to_vec(),
-            ends: ends.map(|(start, end)| [*start, *end]).collect(),
             time: self.time,
-            reach: found.reach,
         });
         self.pending.clear();
         self.totals.rebuilds += 1;
@@ -243,9 +192,8 @@ impl ContactSystem {
 
     /// Numbers the ghosts, and lists the pairs of every owned segment.
     fn connect(&mut self, segments: &Segments<'_>, found: &[Found], springs: &[Vector3]) {
-        let (owned, rank) = (segments.ids.len(), self.communicator.rank() as u32);
-        let places = |pair: &Found| [0, 1].map(|side| (pair.owner[side], pair.index[side]));
-        let mut ghosts: Vec<(u32, u32)> = found.iter().flat_map(places).collect();
+        let (owned, rank) = (segments.count(), self.communicator.rank() as u32);
+        let mut ghosts: Vec<(u32, u32)> = found.iter().flat_map(Found::places).collect();
         ghosts.retain(|&(owner, _)| owner != rank);
         ghosts.sort_unstable();
         ghosts.dedup();
@@ -256,144 +204,57 @@ impl ContactSystem {
             let ghost = ghosts.binary_search(&(owner, index));
             (owned + ghost.expect("every foreign segment of a pair is listed")) as u32
         };
-        self.pairs = found
-            .iter()
-            .zip(springs)
-            .map(|(pair, &spring)| Pair {
-                ids: pair.ids,
-                local: places(pair).map(local),
-                spring,
-                contact: None,
-            })
-            .collect();
-        (self.offsets, self.rows) = rows(owned, &self.pairs);
+        self.pairs = Pairs::new(owned, found, springs, local, self.law.far.range());
         self.halo = Halo::new(&self.communicator, owned, &ghosts);
-        let total = self.halo.total();
-        self.constants = vec![[0.0; 2]; total];
-        for (i, constant) in self.constants[..owned].iter_mut().enumerate() {
-            *constant = [segments.radius[i], segments.mass[i]];
+        let shared = self.halo.total() > owned || self.halo.sent_entries() > 0;
+        let room = if shared { self.halo.total() } else { 0 };
+        self.ghosts.resize(room, Ghost::zeroed());
+        if self.loads.count() != owned {
+            self.loads = Loads::new(owned);
         }
-        self.halo.update(&mut self.constants);
-        self.states = vec![State::zeroed(); total];
     }
 
-    /// Adds the contact forces to `loads` (one entry an owned segment) and advances the friction springs by `dt`.
-    /// Collective; `segments` are those of the last [`ContactSystem::update`].
-    pub fn forces(&mut self, segments: &Segments<'_>, dt: f64, loads: &mut [SegmentLoad]) {
-        debug_assert_eq!(segments.ids.len(), self.halo.owned());
-        debug_assert_eq!(segments.ids.len(), loads.len());
-        let owned = &mut self.states[..segments.ids.len()];
-        owned.par_iter_mut().enumerate().for_each(|(i, state)| {
-            *state = State {
-                ends: [segments.start[i].into(), segments.end[i].into()],
-                velocities: [
-                    segments.start_velocity[i].into(),
-                    segments.end_velocity[i].into(),
-                ],
-                spin: segments.angular_velocity[i].into(),
-            };
-        });
-        self.halo.update(&mut self.states);
-        self.book(segments, self.drag_step);
-        self.respond(dt);
-        let mut drag = std::mem::take(&mut self.drag);
-        drag.clear();
-        drag.resize(loads.len(), SegmentLoad::default());
-        self.gather(loads, &mut drag);
-        let walls = &mut self.totals.walls;
-        let now = (self.time, dt);
+    /// Computes the contact loads and advances the friction springs by `dt`. Collective; `segments` are those of the
+    /// last [`ContactSystem::update`].
+    pub fn forces(&mut self, segments: &Segments<'_>, dt: f64) {
+        debug_assert_eq!(segments.count(), self.loads.count());
+        if !self.ghosts.is_empty() {
+            let owned = &mut self.ghosts[..segments.count()];
+            let filled = owned.par_iter_mut().enumerate();
+            filled.for_each(|(i, ghost)| *ghost = Ghost::of(segments, i));
+            self.halo.update(&mut self.ghosts);
+        }
+        self.book(segments);
+        self.load_step = dt;
+        self.loads.clear();
+        let images = self.images();
+        let bodies = Bodies {
+            segments,
+            ghosts: &self.ghosts,
+        };
+        let (law, path) = (&self.law, self.travel.path);
+        let lost = self
+            .pairs
+            .respond(bodies, law, &images, path, dt, &self.loads);
+        self.loads.gather(|segment| self.pairs.acting(segment));
+        let (walls, now) = (&mut self.totals.walls, (self.time, dt));
         self.walls
-            .forces(segments, &self.law, now, loads, &mut drag, walls);
-        (self.drag, self.drag_step) = (drag, dt);
-        self.book(segments, dt);
-        self.totals.dissipated += self.totals.walls.dissipated + self.own_sums()[2];
+            .forces(segments, law, now, &mut self.loads, walls);
+        self.totals.dissipated += self.totals.walls.dissipated + lost;
+        self.book(segments);
     }
 
     /// Books half the loss of a step: forces act in its middle, where the velocity is the mean of those before and after
     /// the kick that they give.
-    fn book(&mut self, segments: &Segments<'_>, step: f64) {
-        let power = block_sum(self.drag.len(), |range| {
-            let each = |i: usize| {
-                let (start, end) = (&segments.start_velocity[i], &segments.end_velocity[i]);
-                self.drag[i].power(start, end, &segments.angular_velocity[i])
-            };
-            range.map(each).sum()
-        });
-        self.totals.dissipated -= 0.5 * step * power;
+    fn book(&mut self, segments: &Segments<'_>) {
+        let power = self.loads.drag_power(segments);
+        self.totals.dissipated -= 0.5 * self.load_step * power;
     }
 
-    fn respond(&mut self, dt: f64) {
-        let (states, constants) = (&self.states, &self.constants);
-        let (law, images) = (&self.law, self.images());
-        let far = (law.far.range(), law.far.scale());
-        self.pairs.par_iter_mut().for_each(|pair| {
-            let [i, j] = pair.local.map(|x| x as usize);
-            let (a, mut b) = (states[i].ends(), states[j].ends());
-            let image = images.beside(&a, &b);
-            b.iter_mut().for_each(|end| *end -= image.shift);
-            let ([radius_a, mass_a], [radius_b, mass_b]) = (constants[i], constants[j]);
-            let reach = radius_a + radius_b;
-            let Some(points) = near_points(&a, &b, reach, far.0, far.1) else {
-                pair.spring = Vector3::zeros();
-                pair.contact = None;
-                return;
-            };
-            let normal = if points.distance > 1e-12 * reach {
-                points.separation / points.distance
-            } else {
-                across(&(a[1] - a[0]), &(b[1] - b[0]))
-            };
-            let overlap = reach - points.distance;
-            // The contact point is in the middle of the overlap.
-            let arms = [
-                normal * (radius_a - 0.5 * overlap),
-                -normal * (radius_b - 0.5 * overlap),
-            ];
-            let at = [points.s, points.t];
-            let spins = [states[i].spin, states[j].spin].map(Vector3::from);
-            let velocity = |state: &State, side: usize| {
-                let [first, second] = state.velocities.map(Vector3::from);
-                first + (second - first) * at[side] + spins[side].cross(&arms[side])
-            };
-            let touch = Touch {
-                normal,
-                overlap,
-                velocity: velocity(&states[i], 0) - velocity(&states[j], 1) + image.velocity,
-                spin: 0.5 * (spins[0] + spins[1]),
-                mass: 1.0 / (compliance(at[0], mass_a) + compliance(at[1], mass_b)),
-                share: share(&points),
-                rub_share: 1.0,
-                facing: (far.0 > 0.0).then(|| Facing::axes(&a, &b, [radius_a, radius_b])),
-            };
-            let mut response = law.respond(&touch, &mut pair.spring, dt);
-            response.dissipated -= response.drag.dot(&image.velocity) * dt;
-            pair.contact = Some(Contact {
-                response,
-                at,
-                arms,
-                overlap,
-            });
-        });
-    }
-
-    fn gather(&self, loads: &mut [SegmentLoad], drag: &mut [SegmentLoad]) {
-        let both = loads.par_iter_mut().zip(drag).enumerate();
-        both.for_each(|(i, (load, drag))| {
-            for &entry in self.row(i) {
-                let (pair, side) = ((entry >> 1) as usize, (entry & 1) as usize);
-                if let Some(contact) = &self.pairs[pair].contact {
-                    let sign = if side == 0 { 1.0 } else { -1.0 };
-                    let (at, arm) = (contact.at[side], &contact.arms[side]);
-                    load.add(&(contact.response.force * sign), at, arm);
-                    drag.add(&(contact.response.drag * sign), at, arm);
-                    load.torque += contact.response.couple * sign;
-                }
-            }
-        });
-    }
-
-    fn row(&self, segment: usize) -> &[u32] {
-        &self.rows[self.offsets[segment] as usize..self.offsets[segment + 1] as usize]
+    /// Load on an owned segment by the last [`ContactSystem::forces`]; `None` when nothing acts on it.
+    #[inline]
+    pub fn load(&self, segment: usize) -> Option<&SegmentLoad> {
+        self.loads.get(segment).map(|acting| &acting.load)
     }
 
     /// Largest stable step of velocity Verlet with the contacts of the last step, over all ranks \[s\]. Collective.
@@ -403,21 +264,20 @@ impl ContactSystem {
     /// step by √(1 + ζ²) − ζ. At least two contacts are assumed, so that the step does not fall at the first touch.
     /// Together with a beam of step Δt_b: 1/Δt² = 1/Δt_b² + 1/Δt_c².
     pub fn critical_step(&self, segments: &Segments<'_>) -> f64 {
-        let mut touching = vec![(0u32, 0.0); segments.ids.len()];
+        let owned = segments.count();
+        let mut touching = vec![(0u32, 0.0); owned];
         let gap = self.law.far.contact_gap();
-        if segments.ids.len() == self.halo.owned() {
+        if owned == self.loads.count() {
             for (i, stiffness, touches) in self.walls.stiffness() {
                 touching[i].0 += u32::from(touches);
                 touching[i].1 += stiffness;
             }
-            for (i, (count, far)) in touching.iter_mut().enumerate() {
-                for &entry in self.row(i) {
-                    if let Some(contact) = &self.pairs[(entry >> 1) as usize].contact {
-                        *count += u32::from(contact.overlap > -gap);
-                        *far += contact.response.far_stiffness;
-                    }
+            self.pairs.within_range(|local, overlap, stiffness| {
+                for i in local.map(|i| i as usize).into_iter().filter(|&i| i < owned) {
+                    touching[i].0 += u32::from(overlap > -gap);
+                    touching[i].1 += stiffness;
                 }
-            }
+            });
         }
         let friction = if self.law.friction > 0.0 {
             8.0 * self.law.tangential_stiffness
@@ -435,30 +295,14 @@ impl ContactSystem {
         self.communicator.min(steps.fold(f64::INFINITY, f64::min))
     }
 
-    /// Counts the crossings of centre lines while their ends moved with the velocities of the last
-    /// [`ContactSystem::forces`] to their places then, for a time `moved` \[s\].
-    pub fn count_crossings(&mut self, moved: f64) {
-        let (owned, images) = (self.halo.owned(), self.images());
-        let of_pair = |pair: &Pair| {
-            let [i, j] = pair.local.map(|x| x as usize);
-            let (a, mut b) = (self.states[i].ends(), self.states[j].ends());
-            let image = images.beside(&a, &b);
-            b.iter_mut().for_each(|end| *end -= image.shift);
-            let back = |ends: &[Vector3; 2], state: &State, own: &Vector3| {
-                [0, 1].map(|k| ends[k] - (Vector3::from(state.velocities[k]) - own) * moved)
-            };
-            let before = [
-                back(&a, &self.states[i], &Vector3::zeros()),
-                back(&b, &self.states[j], &image.velocity),
-            ];
-            f64::from(crossings(&before, &[a, b]))
+    /// Counts the crossings of centre lines while their ends moved with their velocities to their places, both those of
+    /// the last [`ContactSystem::forces`], for a time `moved` \[s\].
+    pub fn count_crossings(&mut self, segments: &Segments<'_>, moved: f64) {
+        let bodies = Bodies {
+            segments,
+            ghosts: &self.ghosts,
         };
-        let count = block_sum(self.pairs.len(), |range| {
-            let own = self.pairs[range].iter();
-            let own = own.filter(|pair| (pair.local[0] as usize) < owned);
-            own.map(of_pair).sum()
-        });
-        self.totals.crossings += count;
+        self.totals.crossings += self.pairs.crossings(bodies, &self.images(), moved);
     }
 
     /// Whether the settings ask for [`ContactSystem::count_crossings`].
@@ -477,10 +321,11 @@ impl ContactSystem {
 
     /// Figures of the last step over all ranks. Collective.
     pub fn statistics(&self) -> ContactStatistics {
-        let [count, stored, _] = self.own_sums();
+        let (owned, gap) = (self.halo.owned(), self.law.far.contact_gap());
+        let [count, stored] = self.pairs.own_sums(owned, gap);
         let walls = &self.totals.walls;
-        let own = |pair: &&Pair| (pair.local[0] as usize) < self.halo.owned();
-        let candidates = self.pairs.iter().filter(own).count();
+        let local = self.pairs.local.iter();
+        let candidates = local.filter(|local| (local[0] as usize) < owned).count();
         let mut sums = [
             count,
             walls.contacts as f64,
@@ -492,15 +337,12 @@ impl ContactSystem {
             self.totals.crossings,
         ];
         self.communicator.sum_slice(&mut sums);
-        let deepest = block_max(self.pairs.len(), |range| {
-            let contacts = self.pairs[range].iter().filter_map(|p| p.contact);
-            contacts.map(|c| c.overlap).fold(0.0, f64::max)
-        });
+        let deepest = self.pairs.deepest().max(walls.max_overlap);
         ContactStatistics {
             contacts: sums[0] as usize,
             wall_contacts: sums[1] as usize,
             candidates: sums[2] as usize,
-            max_overlap: self.communicator.max(deepest.max(walls.max_overlap)),
+            max_overlap: self.communicator.max(deepest),
             stored_energy: sums[3],
             dissipated_energy: sums[4],
             wall_work: sums[6],
@@ -510,28 +352,10 @@ impl ContactSystem {
         }
     }
 
-    /// Number, stored energy and loss of the contacts whose first segment is owned.
-    fn own_sums(&self) -> [f64; 3] {
-        let (owned, gap) = (self.halo.owned(), self.law.far.contact_gap());
-        block_sums(self.pairs.len(), |range| {
-            let mut sums = [0.0; 3];
-            for pair in &self.pairs[range] {
-                if let Some(contact) = &pair.contact
-                    && (pair.local[0] as usize) < owned
-                {
-                    sums[0] += f64::from(u8::from(contact.overlap > -gap));
-                    sums[1] += contact.response.stored;
-                    sums[2] += contact.response.dissipated;
-                }
-            }
-            sums
-        })
-    }
-
     /// Friction springs for a checkpoint: each contact once over all ranks, at the owner of its first segment.
     pub fn records(&self) -> Vec<FrictionRecord> {
         let owned = self.halo.owned();
-        let mut records = self.springs(|pair| (pair.local[0] as usize) < owned);
+        let mut records = self.springs(|local| (local[0] as usize) < owned);
         records.extend_from_slice(&self.pending);
         records
     }
@@ -542,61 +366,21 @@ impl ContactSystem {
         self.pending.extend(records);
     }
 
-    fn springs(&self, chosen: impl Fn(&Pair) -> bool) -> Vec<FrictionRecord> {
-        let record = |[a, b]: [u64; 2], spring: &Vector3| FrictionRecord {
+    fn springs(&self, chosen: impl Fn(&[u32; 2]) -> bool) -> Vec<FrictionRecord> {
+        let record = |([a, b], spring): ([u64; 2], &Vector3)| FrictionRecord {
             a,
             b,
             spring: (*spring).into(),
         };
-        let pairs = self.pairs.iter().filter(|pair| chosen(pair));
-        let mut records: Vec<_> = pairs.map(|pair| record(pair.ids, &pair.spring)).collect();
+        let pairs = self.pairs.ids.iter().copied().zip(self.pairs.springs());
+        let chosen = pairs
+            .zip(&self.pairs.local)
+            .filter(|(_, local)| chosen(local));
         let ids = self.built.as_ref().map_or(&[][..], |built| &built.ids);
         let walls = self.walls.keys(ids).zip(self.walls.springs());
-        records.extend(walls.map(|(key, spring)| record(key, spring)));
-        records.retain(|r| r.spring != [0.0; 3]);
-        records
+        let all = chosen.map(|(pair, _)| pair).chain(walls).map(record);
+        all.filter(|r| r.spring != [0.0; 3]).collect()
     }
-}
-
-/// Pairs of each owned segment, ascending, as pair << 1 | side.
-fn rows(owned: usize, pairs: &[Pair]) -> (Vec<u32>, Vec<u32>) {
-    let sides = || {
-        pairs.iter().enumerate().flat_map(move |(p, pair)| {
-            [0, 1].map(|side| (pair.local[side] as usize, (p << 1 | side) as u32))
-        })
-    };
-    let mut offsets = vec![0u32; owned + 1];
-    for (segment, _) in sides().filter(|&(segment, _)| segment < owned) {
-        offsets[segment + 1] += 1;
-    }
-    for i in 0..owned {
-        offsets[i + 1] += offsets[i];
-    }
-    let mut next = offsets.clone();
-    let mut rows = vec![0u32; offsets[owned] as usize];
-    for (segment, entry) in sides().filter(|&(segment, _)| segment < owned) {
-        rows[next[segment] as usize] = entry;
-        next[segment] += 1;
-    }
-    (offsets, rows)
-}
-
-/// 1/m of the axis point `s` when the mass is lumped in halves at the ends \[1/kg\].
-fn compliance(s: f64, mass: f64) -> f64 {
-    ((1.0 - s) * (1.0 - s) + s * s) / (0.5 * mass)
-}
-
-/// A unit vector across two axes that intersect.
-fn across(p: &Vector3, q: &Vector3) -> Vector3 {
-    let candidates = [
-        p.cross(q),
-        p.cross(&Vector3::x()),
-        p.cross(&Vector3::y()),
-        Vector3::x(),
-    ];
-    let scale = 1e-12 * (p.norm_squared() + q.norm_squared());
-    let usable = candidates.iter().find_map(|v| v.try_normalize(scale));
-    usable.unwrap_or_else(Vector3::x)
 }
 
 #[cfg(test)]

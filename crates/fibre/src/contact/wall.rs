@@ -3,7 +3,8 @@
 use crate::contact::facets::{Facets, Flaw, Near};
 use crate::contact::far::Facing;
 use crate::contact::law::{Law, Touch};
-use crate::contact::{ContactError, SegmentLoad, Segments};
+use crate::contact::loads::Loads;
+use crate::contact::{ContactError, Segments};
 use crate::{PeriodicBox, Vector3};
 
 /// Marks the second id of a friction record as a wall.
@@ -175,11 +176,11 @@ impl WallContacts {
     pub fn rebuild(&mut self, segments: &Segments<'_>, reach: f64, time: f64) {
         self.candidates.clear();
         self.groups.clear();
-        for segment in 0..segments.ids.len() {
+        for segment in 0..segments.count() {
             let reach = segments.radius[segment] + reach;
             for (index, wall) in self.walls.iter().enumerate() {
                 let moved = wall.velocity * time;
-                let axis = [segments.start[segment], segments.end[segment]].map(|x| x - moved);
+                let axis = segments.ends(segment).map(|x| x - moved);
                 let found = &mut self.scratch.around;
                 wall.around(&axis, reach, found);
                 let first = self.candidates.len() as u32;
@@ -221,15 +222,13 @@ impl WallContacts {
             .for_each(|(slot, spring)| *slot = *spring);
     }
 
-    /// Adds the wall forces of a step `dt` to the loads, and what of them does work that is lost to `drag`; `time` is that
-    /// since the walls were where the settings put them.
+    /// Adds the wall forces of a step `dt` to the loads; `time` is that since the walls were where the settings put them.
     pub fn forces(
         &mut self,
         segments: &Segments<'_>,
         law: &Law,
         (time, dt): (f64, f64),
-        loads: &mut [SegmentLoad],
-        drag: &mut [SegmentLoad],
+        loads: &mut Loads,
         totals: &mut WallTotals,
     ) {
         let work = totals.work;
@@ -256,8 +255,7 @@ impl WallContacts {
             for slot in 0..2 {
                 wall.touch(group, &step, slot, &mut self.scratch);
                 wall.hand_over(group, slot, &self.scratch.near);
-                let near = &self.scratch.near;
-                step.press(wall, group, slot, near, [&mut *loads, &mut *drag], totals);
+                step.press(wall, group, slot, &self.scratch.near, loads, totals);
             }
         }
     }
@@ -286,7 +284,7 @@ impl Step<'_> {
         group: &mut [Candidate],
         slot: usize,
         near: &[Option<Near>],
-        [loads, drag]: [&mut [SegmentLoad]; 2],
+        loads: &mut Loads,
         totals: &mut WallTotals,
     ) {
         let Self {
@@ -307,10 +305,11 @@ impl Step<'_> {
             let inside = near.at > 0.0 && near.at < 1.0;
             let share = if inside { 1.0 } else { 0.5 };
             let arm = -near.normal * (radius - overlap.max(0.0));
-            let spin = segments.angular_velocity[i];
-            let along = segments.end_velocity[i] - segments.start_velocity[i];
-            let velocity = segments.start_velocity[i] + along * near.at + spin.cross(&arm);
-            let length = (segments.end[i] - segments.start[i]).norm();
+            let spin = segments.spin(i);
+            let [first, second] = segments.end_velocities(i);
+            let velocity = first + (second - first) * near.at + spin.cross(&arm);
+            let [start, end] = segments.ends(i);
+            let length = (end - start).norm();
             let touch = Touch {
                 normal: -near.normal,
                 overlap,
@@ -327,8 +326,9 @@ impl Step<'_> {
                 facing: (law.far.range() > 0.0).then(|| Facing::plane(radius, length)),
             };
             let response = law.respond(&touch, &mut candidate.springs[slot], *dt);
-            loads[i].add(&response.force, near.at, &arm);
-            drag[i].add(&response.drag, near.at, &arm);
+            let acting = loads.at(i);
+            acting.load.add(&response.force, near.at, &arm);
+            acting.drag.add(&response.drag, near.at, &arm);
             candidate.overlap = candidate.overlap.max(overlap);
             candidate.far_stiffness += response.far_stiffness;
             totals.contacts += usize::from(overlap > -law.far.contact_gap());
@@ -388,7 +388,7 @@ impl Checked {
     /// What a slot of a segment touches, one entry a candidate.
     fn touch(&self, group: &[Candidate], step: &Step<'_>, slot: usize, scratch: &mut Scratch) {
         let i = group[0].segment as usize;
-        let axis = [step.segments.start[i], step.segments.end[i]].map(|x| x - step.moved);
+        let axis = step.segments.ends(i).map(|x| x - step.moved);
         match &self.form {
             Form::Facets(facets) => {
                 let items = &mut scratch.items;

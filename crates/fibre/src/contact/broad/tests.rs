@@ -5,10 +5,10 @@ use rand_chacha::ChaCha8Rng;
 
 struct Cloud {
     ids: Vec<u64>,
-    start: Vec<Vector3>,
-    end: Vec<Vector3>,
+    node: Vec<u32>,
+    /// Start and end of each segment.
+    position: Vec<Vector3>,
     radius: Vec<f64>,
-    zero: Vec<Vector3>,
     mass: Vec<f64>,
 }
 
@@ -24,7 +24,7 @@ impl Cloud {
                     + Vector3::from_fn(|i, _| if repeats[i] { images[i] * edge } else { 0.0 })
             })
             .collect();
-        let end = start.iter().map(|x| x + vector(1.2)).collect();
+        let position = start.iter().flat_map(|x| [*x, x + vector(1.2)]).collect();
         let radius = (0..count)
             .map(|_| 0.05 + 0.1 * vector(1.0).x.abs())
             .collect();
@@ -32,10 +32,9 @@ impl Cloud {
             ids: (0..count as u64)
                 .map(|i| (i / 2) << SEGMENT_BITS | (i % 2))
                 .collect(),
-            start,
-            end,
+            node: (0..count as u32).map(|i| 2 * i).collect(),
+            position,
             radius,
-            zero: vec![Vector3::zeros(); count],
             mass: vec![1.0; count],
         }
     }
@@ -43,11 +42,10 @@ impl Cloud {
     fn segments(&self) -> Segments<'_> {
         Segments {
             ids: &self.ids,
-            start: &self.start,
-            end: &self.end,
-            start_velocity: &self.zero,
-            end_velocity: &self.zero,
-            angular_velocity: &self.zero,
+            node: &self.node,
+            position: &self.position,
+            velocity: &[],
+            angular_velocity: &[],
             radius: &self.radius,
             mass: &self.mass,
         }
@@ -62,8 +60,7 @@ impl Cloud {
                 if self.ids[i] >> SEGMENT_BITS == self.ids[j] >> SEGMENT_BITS {
                     continue;
                 }
-                let a = [self.start[i], self.end[i]];
-                let b = [self.start[j], self.end[j]];
+                let (a, b) = (self.segments().ends(i), self.segments().ends(j));
                 let layers = periodic.nearest_period(&(b[0] - a[0])).y;
                 let tilt = periodic.lengths[1].map_or(0.0, |l| ahead / l);
                 let above = Vector3::new(layers * tilt, layers, 0.0);
@@ -172,10 +169,9 @@ fn neighbours_along_a_fibre_are_left_out_and_distant_segments_are_not() {
     let count = 11;
     let cloud = Cloud {
         ids: (0..count as u64).map(|i| 7 << SEGMENT_BITS | i).collect(),
-        start: (0..count).map(position).collect(),
-        end: (1..=count).map(position).collect(),
+        node: (0..count as u32).collect(),
+        position: (0..=count).map(position).collect(),
         radius: vec![0.5; count],
-        zero: vec![Vector3::zeros(); count],
         mass: vec![1.0; count],
     };
     let periodic = PeriodicBox::unbounded();
@@ -209,7 +205,7 @@ fn a_box_in_which_two_images_could_touch_is_refused() {
         Some(ContactError::PeriodicTooShort { axis: 'y', .. })
     ));
     let mut cloud = Cloud::random(10, 3.0, [false; 3], 3);
-    cloud.end[4].z = f64::NAN;
+    cloud.position[9].z = f64::NAN;
     let error = search(
         &Communicator::single(),
         &cloud.segments(),

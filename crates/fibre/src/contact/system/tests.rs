@@ -9,10 +9,10 @@ use rand_chacha::ChaCha8Rng;
 #[derive(Clone, Default)]
 struct Rods {
     ids: Vec<u64>,
-    start: Vec<Vector3>,
-    end: Vec<Vector3>,
-    start_velocity: Vec<Vector3>,
-    end_velocity: Vec<Vector3>,
+    node: Vec<u32>,
+    /// Start and end of each rod, as all that follow.
+    position: Vec<Vector3>,
+    velocity: Vec<Vector3>,
     angular_velocity: Vec<Vector3>,
     radius: Vec<f64>,
     mass: Vec<f64>,
@@ -21,11 +21,10 @@ struct Rods {
 impl Rods {
     fn push(&mut self, ends: [Vector3; 2], velocity: Vector3, radius: f64, mass: f64) {
         self.ids.push((self.ids.len() as u64) << SEGMENT_BITS);
-        self.start.push(ends[0]);
-        self.end.push(ends[1]);
-        self.start_velocity.push(velocity);
-        self.end_velocity.push(velocity);
-        self.angular_velocity.push(Vector3::zeros());
+        self.node.push(self.position.len() as u32);
+        self.position.extend(ends);
+        self.velocity.extend([velocity; 2]);
+        self.angular_velocity.extend([Vector3::zeros(); 2]);
         self.radius.push(radius);
         self.mass.push(mass);
     }
@@ -34,11 +33,12 @@ impl Rods {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut vector = |scale: f64| Vector3::from_fn(|_, _| scale * rng.random_range(-1.0..1.0));
         let mut rods = Self::default();
-        for _ in 0..count {
+        for i in 0..count {
             let start = vector(0.5 * edge);
             rods.push([start, start + vector(1.0)], vector(1.0), 0.2, 1.0);
-            *rods.end_velocity.last_mut().expect("just added") += vector(1.0);
-            *rods.angular_velocity.last_mut().expect("just added") = vector(3.0);
+            rods.velocity[2 * i + 1] += vector(1.0);
+            let spin = vector(3.0);
+            rods.angular_velocity[2 * i..].fill(spin);
         }
         rods
     }
@@ -46,21 +46,20 @@ impl Rods {
     fn segments(&self) -> Segments<'_> {
         Segments {
             ids: &self.ids,
-            start: &self.start,
-            end: &self.end,
-            start_velocity: &self.start_velocity,
-            end_velocity: &self.end_velocity,
-            angular_velocity: &self.angular_velocity,
+            node: &self.node,
             radius: &self.radius,
             mass: &self.mass,
+            position: &self.position,
+            velocity: &self.velocity,
+            angular_velocity: &self.angular_velocity,
         }
     }
 
     fn loads(&self, contacts: &mut ContactSystem, dt: f64) -> Vec<SegmentLoad> {
-        let mut loads = vec![SegmentLoad::default(); self.ids.len()];
         contacts.update(&self.segments()).expect("update");
-        contacts.forces(&self.segments(), dt, &mut loads);
-        loads
+        contacts.forces(&self.segments(), dt);
+        let load = |i: usize| contacts.load(i).copied().unwrap_or_default();
+        (0..self.ids.len()).map(load).collect()
     }
 
     /// Symplectic Euler step of the end nodes, without rotation about the axis.
@@ -68,16 +67,17 @@ impl Rods {
         let loads = self.loads(contacts, dt);
         for (i, load) in loads.iter().enumerate() {
             let per_mass = 2.0 / self.mass[i];
-            self.start_velocity[i] += (load.start_force * per_mass + gravity) * dt;
-            self.end_velocity[i] += (load.end_force * per_mass + gravity) * dt;
-            self.start[i] += self.start_velocity[i] * dt;
-            self.end[i] += self.end_velocity[i] * dt;
+            for (end, force) in [load.start_force, load.end_force].iter().enumerate() {
+                self.velocity[2 * i + end] += (force * per_mass + gravity) * dt;
+                let velocity = self.velocity[2 * i + end];
+                self.position[2 * i + end] += velocity * dt;
+            }
         }
     }
 
     fn momentum(&self) -> Vector3 {
         (0..self.ids.len())
-            .map(|i| 0.5 * self.mass[i] * (self.start_velocity[i] + self.end_velocity[i]))
+            .map(|i| 0.5 * self.mass[i] * (self.velocity[2 * i] + self.velocity[2 * i + 1]))
             .sum()
     }
 }
@@ -112,8 +112,8 @@ fn force_and_torque_sum_to_nothing() {
     let (mut force, mut torque, mut size) = (Vector3::zeros(), Vector3::zeros(), 0.0);
     for (i, load) in loads.iter().enumerate() {
         force += load.start_force + load.end_force;
-        torque += rods.start[i].cross(&load.start_force)
-            + rods.end[i].cross(&load.end_force)
+        torque += rods.position[2 * i].cross(&load.start_force)
+            + rods.position[2 * i + 1].cross(&load.end_force)
             + load.torque;
         size += load.start_force.norm() + load.end_force.norm();
     }
@@ -140,7 +140,7 @@ fn a_head_on_collision_keeps_momentum_and_has_the_restitution_set() {
             rods.step(&mut contacts, Vector3::zeros(), dt);
             touched |= contacts.statistics().contacts > 0;
         }
-        let parting = rods.start_velocity[1].z - rods.start_velocity[0].z;
+        let parting = rods.velocity[2].z - rods.velocity[0].z;
         assert!(touched && contacts.statistics().contacts == 0);
         assert!((rods.momentum() - before).norm() < 1e-12);
         assert!(
@@ -185,7 +185,7 @@ fn a_rod_on_an_incline_sticks_below_the_friction_angle_and_slides_above() {
         }
         let time = dt * steps as f64;
         (
-            rods.start_velocity[0].x / time,
+            rods.velocity[0].x / time,
             weight * angle.sin() - friction * weight * angle.cos(),
         )
     };
@@ -214,7 +214,7 @@ fn friction_springs_survive_a_search_and_a_restart() {
     assert!((Vector3::from(records[0].spring) - Vector3::new(-6e-7, 3e-7, 0.0)).norm() < 1e-15);
 
     // A stranger moves by more than the skin.
-    rods.start[2].z += 0.2;
+    rods.position[4].z += 0.2;
     contacts.update(&rods.segments()).expect("update");
     assert_eq!(contacts.statistics().rebuilds, 2);
     assert_eq!(contacts.records(), records);
@@ -227,8 +227,8 @@ fn friction_springs_survive_a_search_and_a_restart() {
     assert_eq!(contacts.records(), resumed.records());
 
     // Apart: the spring is forgotten.
-    rods.start[1].z += 1.0;
-    rods.end[1].z += 1.0;
+    rods.position[2].z += 1.0;
+    rods.position[3].z += 1.0;
     rods.loads(&mut contacts, 1e-6);
     assert!(contacts.records().is_empty());
 }
@@ -260,8 +260,8 @@ fn a_contact_through_a_periodic_boundary_equals_one_inside() {
     let inside = cross();
     let mut shifted = inside.clone();
     let period = Vector3::new(-12.0, 0.0, 21.0);
-    shifted.start[1] += period;
-    shifted.end[1] += period;
+    shifted.position[2] += period;
+    shifted.position[3] += period;
     let repeated = ContactSettings {
         periodic,
         ..settings()
@@ -296,7 +296,7 @@ fn the_critical_step_bounds_the_stable_steps() {
         // A rod held by two walls, loaded at an end: the stiffest motion.
         let wall = |z: f64| Wall::plane(z * Vector3::z(), -z * Vector3::z());
         rods.push([Vector3::zeros(), Vector3::x()], Vector3::zeros(), 0.1, 1.0);
-        rods.start_velocity[0].z = 1e-3;
+        rods.velocity[0].z = 1e-3;
         let mut contacts = contacts(ContactSettings {
             damping: NormalDamping::Ratio(0.0),
             friction: 0.0,
@@ -307,7 +307,7 @@ fn the_critical_step_bounds_the_stable_steps() {
         let mut fastest: f64 = 0.0;
         for _ in 0..2000 {
             rods.step(&mut contacts, Vector3::zeros(), dt);
-            fastest = fastest.max(rods.start_velocity[0].z.abs());
+            fastest = fastest.max(rods.velocity[0].z.abs());
         }
         fastest
     };

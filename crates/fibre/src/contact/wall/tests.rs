@@ -1,5 +1,5 @@
 use super::*;
-use crate::contact::{ContactSettings, ContactSystem, NormalDamping};
+use crate::contact::{ContactSettings, ContactSystem, NormalDamping, SegmentLoad};
 use fibreflow_parallel::Communicator;
 
 /// One segment.
@@ -12,18 +12,16 @@ impl Rod {
     fn load(&self, contacts: &mut ContactSystem, dt: f64) -> SegmentLoad {
         let segments = Segments {
             ids: &[0],
-            start: &[self.ends[0]],
-            end: &[self.ends[1]],
-            start_velocity: &[self.velocity],
-            end_velocity: &[self.velocity],
-            angular_velocity: &[Vector3::zeros()],
+            node: &[0],
+            position: &self.ends,
+            velocity: &[self.velocity; 2],
+            angular_velocity: &[Vector3::zeros(); 2],
             radius: &[0.1],
             mass: &[1.0],
         };
-        let mut loads = [SegmentLoad::default()];
         contacts.update(&segments).expect("update");
-        contacts.forces(&segments, dt, &mut loads);
-        loads[0]
+        contacts.forces(&segments, dt);
+        contacts.load(0).copied().unwrap_or_default()
     }
 }
 
