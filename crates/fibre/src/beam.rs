@@ -93,31 +93,54 @@ impl ElasticEnergy {
 }
 
 /// End-frame tangents and relative rotation of a segment.
-struct Strain {
-    chord: Vector3,
-    length: f64,
-    start_tangent: Vector3,
-    end_tangent: Vector3,
+pub(crate) struct Strain {
+    pub chord: Vector3,
+    pub length: f64,
+    pub inverse_length: f64,
+    pub start_tangent: Vector3,
+    pub end_tangent: Vector3,
     /// tan(τ/2)
-    half_twist: f64,
+    pub half_twist: f64,
 }
 
 impl Strain {
     #[inline(always)]
-    fn new(segment: &Segment, start: Pose, end: Pose) -> Self {
+    pub fn new(segment: &Segment, start: Pose, end: Pose) -> Self {
         let a = start.orientation * segment.start_frame;
         let b = end.orientation * segment.end_frame;
         let span = end.position - start.position;
         let length = span.norm();
+        let inverse_length = 1.0 / length;
         // The twist part of a⁻¹b about the tangent (swing–twist decomposition); the ratio ignores the double cover.
         let w = a.w * b.w + a.i * b.i + a.j * b.j + a.k * b.k;
         let x = a.w * b.i - a.i * b.w - a.j * b.k + a.k * b.j;
         Self {
+            // Divided, so that what lies along an axis does so to the last bit.
             chord: span / length,
             length,
+            inverse_length,
             start_tangent: tangent(&a),
             end_tangent: tangent(&b),
             half_twist: x / w,
+        }
+    }
+
+    /// Elastic force and torques, given the twist τ.
+    #[inline(always)]
+    pub fn force(&self, segment: &Segment, twist: f64) -> SegmentForce {
+        let (a, b, t) = (&self.start_tangent, &self.end_tangent, &self.chord);
+        let slope_a = 3.0 * segment.bending * squared_angle_slope(a, t);
+        let slope_b = 3.0 * segment.bending * squared_angle_slope(b, t);
+        let mutual = a.cross(b) * (segment.bending * squared_angle_slope(a, b));
+        // ∂τ/∂(rotation of b) = (a + b)/(1 + a·b)
+        let torsion = (a + b) * (segment.torsion * twist / (1.0 + a.dot(b)));
+        let pull = a * slope_a + b * slope_b;
+        let transverse = pull - t * pull.dot(t);
+        let tension = segment.axial * (self.length - segment.rest_length);
+        SegmentForce {
+            force: transverse * self.inverse_length - t * tension,
+            start_torque: a.cross(t) * slope_a - mutual + torsion,
+            end_torque: b.cross(t) * slope_b + mutual - torsion,
         }
     }
 }
@@ -169,15 +192,23 @@ fn squared_angle_slopes(a: &Vector3, b: &Vector3) -> (f64, f64) {
     (squared_angle_slope(a, b), curvature)
 }
 
+/// Squares below which [`small_arc_tangent`] is exact to round-off.
+pub(crate) const SMALL_TWIST: f64 = 4e-4;
+
 /// Arc tangent, by its series for the small angles of a fine chain.
 #[inline(always)]
-fn arc_tangent(y: f64) -> f64 {
-    let z = y * y;
-    if z < 4e-4 {
-        y * (1.0 - z * (1.0 / 3.0 - z * (0.2 - z * (1.0 / 7.0 - z * (1.0 / 9.0 - z / 11.0)))))
+pub(crate) fn arc_tangent(y: f64) -> f64 {
+    if y * y < SMALL_TWIST {
+        small_arc_tangent(y)
     } else {
         y.atan()
     }
+}
+
+#[inline(always)]
+pub(crate) fn small_arc_tangent(y: f64) -> f64 {
+    let z = y * y;
+    y * (1.0 - z * (1.0 / 3.0 - z * (0.2 - z * (1.0 / 7.0 - z * (1.0 / 9.0 - z / 11.0)))))
 }
 
 impl Segment {
@@ -198,19 +229,7 @@ impl Segment {
     #[inline(always)]
     pub fn elastic_force(&self, start: Pose, end: Pose) -> SegmentForce {
         let e = Strain::new(self, start, end);
-        let (a, b, t) = (&e.start_tangent, &e.end_tangent, &e.chord);
-        let slope_a = 3.0 * self.bending * squared_angle_slope(a, t);
-        let slope_b = 3.0 * self.bending * squared_angle_slope(b, t);
-        let mutual = a.cross(b) * (self.bending * squared_angle_slope(a, b));
-        // ∂τ/∂(rotation of b) = (a + b)/(1 + a·b)
-        let torsion = (a + b) * (2.0 * self.torsion * arc_tangent(e.half_twist) / (1.0 + a.dot(b)));
-        let pull = a * slope_a + b * slope_b;
-        let transverse = pull - t * pull.dot(t);
-        SegmentForce {
-            force: transverse / e.length - t * (self.axial * (e.length - self.rest_length)),
-            start_torque: a.cross(t) * slope_a - mutual + torsion,
-            end_torque: b.cross(t) * slope_b + mutual - torsion,
-        }
+        e.force(self, 2.0 * arc_tangent(e.half_twist))
     }
 
     /// Kelvin–Voigt force: retardation time × stiffness × strain rates. Dissipative, and zero in a rigid motion.

@@ -10,6 +10,7 @@
 use crate::beam::{Motion as EndMotion, Pose, tangent};
 use crate::drag::{Hydrodynamics, NodeDrag, PointDrag};
 use crate::hydrodynamics::AmbientFlow;
+use crate::lanes::Packed;
 use crate::system::{Load, Model, Motion, NodeConstants, Scratch};
 use crate::{
     Ambient, FibreError, FibreSettings, FibreSystem, FlowFormula, Quaternion, Reaction, Vector3,
@@ -142,7 +143,7 @@ impl<'a> Batch<'a> {
             } else {
                 1.0 - node.axial_inertia / node.transverse_inertia
             };
-            turn(q, w, flatness, dt);
+            turn(q, w, flatness, dt, half_turn);
         }
     }
 
@@ -185,13 +186,26 @@ impl<'a> Batch<'a> {
         let nodes = &model.nodes[model.node_range(self.fibres.start)];
         for (i, node) in nodes.iter().enumerate() {
             let load = std::mem::replace(&mut self.load[i], Load::ZERO);
-            if !node.holds_translation {
-                self.velocity[i] += load.force * (dt / node.mass);
-            }
-            if !node.holds_rotation {
-                let t = tangent(&self.orientation[i]);
-                self.angular_velocity[i] += node.spin_up(&t, &load.torque) * dt;
-            }
+            self.kick_node(i, node, &load.force, &load.torque, dt);
+        }
+    }
+
+    /// Changes the velocities of a node by a force and a torque over `dt`.
+    #[inline(always)]
+    pub fn kick_node(
+        &mut self,
+        i: usize,
+        node: &NodeConstants,
+        force: &Vector3,
+        torque: &Vector3,
+        dt: f64,
+    ) {
+        if !node.holds_translation {
+            self.velocity[i] += force * (dt / node.mass);
+        }
+        if !node.holds_rotation {
+            let t = tangent(&self.orientation[i]);
+            self.angular_velocity[i] += node.spin_up(&t, torque) * dt;
         }
     }
 }
@@ -206,9 +220,15 @@ impl NodeConstants {
 }
 
 /// Free motion of a symmetric top: the frame precesses about the fixed angular momentum with π/J⊥ and spins about its
-/// own tangent with σ = (1 − J∥/J⊥) ω·t; ω = π/J⊥ + σt. `flatness` is 1 − J∥/J⊥.
+/// own tangent with σ = (1 − J∥/J⊥) ω·t; ω = π/J⊥ + σt. `flatness` is 1 − J∥/J⊥, `half_turn` as [`half_turn`].
 #[inline(always)]
-fn turn(q: &mut Quaternion, w: &mut Vector3, flatness: f64, dt: f64) {
+pub(crate) fn turn(
+    q: &mut Quaternion,
+    w: &mut Vector3,
+    flatness: f64,
+    dt: f64,
+    half_turn: impl Fn(f64) -> (f64, f64),
+) {
     let t = tangent(q);
     let spin = flatness * w.dot(&t);
     let precession = *w - t * spin;
@@ -242,18 +262,26 @@ fn turn(q: &mut Quaternion, w: &mut Vector3, flatness: f64, dt: f64) {
     *w = precession + tangent(q) * spin;
 }
 
+/// Squares below which [`small_half_turn`] is exact to round-off.
+pub(crate) const SMALL_TURN: f64 = 4e-3;
+
 /// (cos φ, sin φ / φ) from φ².
 #[inline(always)]
 pub(crate) fn half_turn(z: f64) -> (f64, f64) {
-    if z < 4e-3 {
-        let cosine = 1.0 - z * (0.5 - z * (1.0 / 24.0 - z * (1.0 / 720.0 - z / 40320.0)));
-        let sinc = 1.0 - z * (1.0 / 6.0 - z * (1.0 / 120.0 - z * (1.0 / 5040.0 - z / 362_880.0)));
-        (cosine, sinc)
+    if z < SMALL_TURN {
+        small_half_turn(z)
     } else {
         let angle = z.sqrt();
         let (sine, cosine) = angle.sin_cos();
         (cosine, sine / angle)
     }
+}
+
+#[inline(always)]
+pub(crate) fn small_half_turn(z: f64) -> (f64, f64) {
+    let cosine = 1.0 - z * (0.5 - z * (1.0 / 24.0 - z * (1.0 / 720.0 - z / 40320.0)));
+    let sinc = 1.0 - z * (1.0 / 6.0 - z * (1.0 / 120.0 - z * (1.0 / 5040.0 - z / 362_880.0)));
+    (cosine, sinc)
 }
 
 /// Number and length of equal sub-steps of at most `limit`.
@@ -295,8 +323,12 @@ impl Batch<'_> {
     /// One fibre through a whole step, `n` sub-steps of `step`, when nothing ties it to other fibres.
     fn advance_alone(&mut self, model: &Model, flow: Option<Flow>, n: usize, step: f64) {
         self.begin(model, flow, step);
-        for k in 0..n {
-            self.sub_step(model, flow.is_some(), k, n, step);
+        if self.leaps(model, flow.is_some()) {
+            self.leap(model, 0..n, n, step);
+        } else {
+            for k in 0..n {
+                self.sub_step(model, flow.is_some(), k, n, step);
+            }
         }
         self.end(model, flow);
     }
@@ -399,6 +431,9 @@ impl FibreSystem {
                 value: dt,
                 requirement: "positive and finite",
             });
+        }
+        if self.settings.hydrodynamics.is_none() && self.model.packed.is_empty() {
+            self.model.packed = Packed::new(&self.model);
         }
         let result = match self.touching.take() {
             None => self.run_apart(given, dt),

@@ -14,6 +14,7 @@ mod drag;
 mod error;
 mod implicit;
 mod integrate;
+mod lanes;
 mod migrate;
 mod observe;
 mod periodic;

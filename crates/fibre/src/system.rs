@@ -4,6 +4,7 @@ use crate::beam::{Pose, Segment, mass_shares};
 use crate::contact::{ContactSettings, ContactSystem};
 use crate::drag::{Hydrodynamics, NodeDrag, PointDrag};
 use crate::implicit::{Body, Integrator};
+use crate::lanes::Packed;
 use crate::points::{abscissa, point_count};
 use crate::shape::{Fibre, Material, SEGMENT_BITS, prepare};
 use crate::touching::Touching;
@@ -95,6 +96,8 @@ pub(crate) struct Model {
     pub segments: Vec<Segment>,
     /// First hydrodynamic point of each segment, and the number of points at the end; all 0 without hydrodynamics.
     pub points: Vec<usize>,
+    /// The same constants for [`crate::lanes`]; empty with hydrodynamics, and from a change to the next step.
+    pub packed: Packed,
 }
 
 impl Model {
@@ -286,6 +289,7 @@ impl FibreSystem {
         self.scratch.load.resize(nodes, Load::ZERO);
         self.reaction.force.resize(points, Vector3::zeros());
         self.reaction.torque.resize(points, Vector3::zeros());
+        self.model.packed = Packed::default();
         if self.settings.hydrodynamics.is_some() {
             self.scratch.drag.resize(nodes, NodeDrag::zero());
             self.scratch.point_drag.resize(points, PointDrag::zero());
@@ -431,6 +435,7 @@ impl FibreSystem {
         let load = &mut self.model.loads[range.start + node];
         load.force += force;
         load.torque += torque;
+        self.model.packed = Packed::default();
         Ok(())
     }
 

@@ -105,6 +105,20 @@ impl Batch<'_> {
     }
 }
 
+impl Batch<'_> {
+    /// Changes the velocities of one fibre by the contact loads of its segments over `step`.
+    fn kick_by_contacts(&mut self, model: &Model, contacts: &ContactSystem, step: f64) {
+        let nodes = &model.nodes[model.node_range(self.fibres.start)];
+        for (i, segment) in model.segment_range(self.fibres.start).enumerate() {
+            if let Some(load) = contacts.load(segment) {
+                for (end, force) in [(i, &load.start_force), (i + 1, &load.end_force)] {
+                    self.kick_node(end, &nodes[end], force, &(load.torque * 0.5), step);
+                }
+            }
+        }
+    }
+}
+
 impl FibreSystem {
     /// One step of all fibres together. Collective.
     pub(crate) fn run_together(
@@ -136,6 +150,11 @@ impl FibreSystem {
             touching.press(motion, step)?;
             let contacts = &touching.contacts;
             Batch::all(model, motion, scratch, reaction).for_each(model, &|fibre| {
+                if fibre.leaps(model, flow.is_some()) {
+                    fibre.kick_by_contacts(model, contacts, step);
+                    fibre.leap(model, k..k + 1, n, step);
+                    return;
+                }
                 fibre.add_contacts(model, contacts);
                 match body(fibre) {
                     None => fibre.sub_step(model, flow.is_some(), k, n, step),
