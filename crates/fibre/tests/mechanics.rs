@@ -112,22 +112,29 @@ fn a_small_tip_load_bends_as_euler_and_bernoulli_say() {
     assert!(relative.abs() < 2e-3);
 }
 
+/// L/d = 40; the deflections of YADE 2023.02a (GridNode, avoidGranularRatcheting off) under the same load are off by the
+/// numbers in the table.
 #[test]
 fn a_large_tip_load_gives_the_elastica_at_second_order() {
-    let radius = 0.02;
+    let radius = 0.0125;
     // EI/EA = r²/4
-    let reference = elastica(5.0, 0.25 * radius * radius);
-    let error = |n| {
-        let tip = tip_under(n, radius, Vector3::new(0.0, 5.0, 0.0), Vector3::zeros());
-        (tip - reference).norm()
-    };
-    let errors = [8, 16, 32].map(error);
-    println!("elastica {reference:?}, errors {errors:?}");
-    let strong = elastica(10.0, 0.25 * radius * radius);
-    let tip = tip_under(16, radius, Vector3::new(0.0, 10.0, 0.0), Vector3::zeros());
+    let compliance = 0.25 * radius * radius;
+    let reference = elastica(5.0, compliance);
+    let load = Vector3::new(0.0, 5.0, 0.0);
+    let yade = [(8, 1.769e-3), (16, 4.354e-4), (32, 1.083e-4)];
+    let errors = yade.map(|(n, theirs)| {
+        let tip = tip_under(n, radius, load, Vector3::zeros());
+        let ours = (tip.y / reference.y - 1.0).abs();
+        let distance = (tip - reference).norm();
+        println!("{n} segments: deflection {ours:.3e} (YADE {theirs:.3e}), tip {distance:.3e}");
+        // Neither is wholly at rest.
+        assert!(ours <= 1.03 * theirs);
+        distance
+    });
+    let strong = elastica(10.0, compliance);
+    let tip = tip_under(16, radius, 2.0 * load, Vector3::zeros());
     println!("PL²/EI = 10, 16 segments: {:.2e}", (tip - strong).norm());
     assert!((tip - strong).norm() < 5e-3);
-    assert!(errors[2] < 1e-2 * reference.y);
     let order = 0.5 * (errors[0] / errors[2]).log2();
     assert!(order > 1.9, "order {order}");
 }
@@ -158,13 +165,38 @@ fn a_tip_torque_twists_exactly() {
     );
 }
 
+/// One arm of length a along x, one of length b along y, and a load F along z at the end: both bend and the first one
+/// twists, F (a³/3EI + b³/3EI + a b²/GJ).
+#[test]
+fn an_l_under_a_load_across_it_bends_and_twists() {
+    let (n, a, b, load) = (8, 0.6, 0.4, 1e-3);
+    let m = material(0.01);
+    let node = |i: usize| match i.checked_sub(n) {
+        Some(k) => Vector3::new(a, b * k as f64 / n as f64, 0.0),
+        None => Vector3::x() * (a * i as f64 / n as f64),
+    };
+    let mut fibre = Fibre::new(3, m, (0..=2 * n).map(node).collect());
+    fibre.supports = vec![Support::clamp(0)];
+    let mut s = system(fibre, FibreSettings::default());
+    s.add_load(3, 2 * n, Vector3::z() * load, Vector3::zeros())
+        .expect("tip");
+    let step = s.critical_step();
+    relax(&mut s, 5.0 * step, 1e-14);
+    let torsion = a * b * b / (2.0 * m.shear_modulus * m.second_moment());
+    let expected = load * ((a.powi(3) + b.powi(3)) / 3.0 + torsion);
+    let error = tip(&s).z / expected - 1.0;
+    println!("L-shaped fibre: {error:.1e}");
+    assert!(error.abs() < 1e-3);
+}
+
 /// Mode shape of a clamped-free beam; `k` is the root of cosh k cos k = −1.
 fn mode(k: f64, x: f64) -> f64 {
     let ratio = (k.cosh() + k.cos()) / (k.sinh() + k.sin());
     (k * x).cosh() - (k * x).cos() - ratio * ((k * x).sinh() - (k * x).sin())
 }
 
-/// Relative error of a natural frequency against Euler and Bernoulli, and the largest change of the total energy.
+/// Relative error of a natural frequency against Euler and Bernoulli, and the relative difference between the mean
+/// energies of the last and the first period.
 fn vibrate(segments: usize, radius: f64, k: f64, periods: usize) -> (f64, f64) {
     let period = 2.0 * PI / (k * k);
     let mut s = cantilever(segments, radius);
@@ -176,11 +208,10 @@ fn vibrate(segments: usize, radius: f64, k: f64, periods: usize) -> (f64, f64) {
         let slope = (mode(k, x + h) - mode(k, x - h)) / (2.0 * h);
         s.angular_velocities_mut()[i].z = if i > 0 { amplitude * slope } else { 0.0 };
     }
-    let first = s.energy().total();
     let step = period / 100.0;
     let mut crossings = Vec::new();
     let mut last = 0.0;
-    let mut drift = 0.0_f64;
+    let mut energy = vec![0.0; periods];
     for i in 0..100 * periods {
         s.advance_free(step).expect("finite");
         let y = tip(&s).y;
@@ -188,11 +219,12 @@ fn vibrate(segments: usize, radius: f64, k: f64, periods: usize) -> (f64, f64) {
             crossings.push((i as f64 + last / (last - y)) * step);
         }
         last = y;
-        drift = drift.max((s.energy().total() / first - 1.0).abs());
+        energy[i / 100] += s.energy().total();
     }
     let count = crossings.len() - 1;
     assert!(count + 2 >= periods);
     let measured = (crossings[count] - crossings[0]) / count as f64;
+    let drift = energy[periods - 1] / energy[0] - 1.0;
     (period / measured - 1.0, drift)
 }
 
@@ -202,12 +234,24 @@ const ROOTS: [f64; 3] = [
     7.854_757_438_237_613,
 ];
 
+/// About 9e5 sub-steps.
 #[test]
 fn free_vibration_keeps_its_energy_over_a_hundred_periods() {
     let (error, drift) = vibrate(32, 0.02, ROOTS[0], 100);
     println!("frequency error {error:.2e}, energy drift {drift:.2e}");
     assert!(error.abs() < 5e-3);
-    assert!(drift < 1e-6);
+    assert!(drift.abs() < 1e-7);
+}
+
+/// L/d = 40 and 20 periods; YADE 2023.02a is off by the numbers in the table, its drift is below 2e-8.
+#[test]
+fn frequency_and_energy_are_no_worse_than_yades() {
+    for (n, theirs) in [(8, 7.258e-3), (16, 1.931e-3), (32, 5.910e-4)] {
+        let (error, drift) = vibrate(n, 0.0125, ROOTS[0], 20);
+        println!("{n} segments: frequency {error:.2e} (YADE -{theirs:.2e}), drift {drift:.1e}");
+        assert!(error.abs() <= theirs);
+        assert!(drift.abs() < 2e-8);
+    }
 }
 
 /// L/d = 50, against the exact frequencies of Timoshenko's beam (ν = 0.3, κ = 6(1 + ν)/(7 + 6ν)), which lie this much
