@@ -210,3 +210,47 @@ fn a_sheared_box_must_repeat_along_y() {
         .expect("refused");
     assert!(error.to_string().contains("shear_rate"), "{error}");
 }
+
+/// The strain of the box and the way of a wall are part of the state.
+#[test]
+fn a_resumed_run_in_a_sheared_box_is_bitwise_the_same() {
+    let system = |fibres: Vec<Fibre>| {
+        let mut contacts = settings(RATE);
+        contacts.periodic.lengths[2] = None;
+        contacts.walls = vec![Wall {
+            velocity: Vector3::new(0.0, 0.0, 0.3),
+            ..Wall::plane(Vector3::zeros(), Vector3::z())
+        }];
+        let settings = FibreSettings {
+            gravity: Vector3::new(0.0, 0.0, -5.0),
+            contacts: Some(contacts),
+            ..FibreSettings::default()
+        };
+        FibreSystem::new(Communicator::single(), settings, fibres).expect("valid")
+    };
+    let material = Material::new(0.1, 1e5, 0.3, 10.0);
+    let fibre = |id: u64| {
+        let start = Vector3::new(0.3 * id as f64, 0.9 * id as f64, 0.12 + 0.11 * id as f64);
+        let along = Vector3::new((id as f64).cos(), (id as f64).sin(), 0.0);
+        Fibre::straight(id, material, start, start + along, 2)
+    };
+    let mut whole = system((0..12).map(fibre).collect());
+    let run = |s: &mut FibreSystem| (0..40).for_each(|_| s.advance_free(1e-2).expect("finite"));
+    run(&mut whole);
+    let saved = whole.state();
+    run(&mut whole);
+    assert!(whole.contacts().expect("on").statistics().wall_contacts > 0);
+    let mut resumed = system(Vec::new());
+    resumed.restore(saved.clone()).expect("own record");
+    run(&mut resumed);
+    assert_eq!(resumed.state(), whole.state());
+    // Without the strain it would not be.
+    let mut forgetful = system(Vec::new());
+    let mut upright = saved;
+    upright
+        .scalars
+        .retain(|(name, _)| name != "fibre.contact_time");
+    forgetful.restore(upright).expect("valid");
+    run(&mut forgetful);
+    assert_ne!(forgetful.positions(), whole.positions());
+}
