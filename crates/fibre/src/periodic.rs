@@ -22,8 +22,16 @@ impl PeriodicBox {
 
     /// The whole number of periods nearest to `difference`, as a vector \[m\].
     pub fn nearest_period(&self, difference: &Vector3) -> Vector3 {
+        let nearest = |x: f64, length: f64| {
+            // Most differences are short, and a division is long.
+            if x.abs() < 0.5 * length {
+                0.0
+            } else {
+                length * (x / length).round()
+            }
+        };
         Vector3::from_fn(|axis, _| {
-            self.lengths[axis].map_or(0.0, |length| length * (difference[axis] / length).round())
+            self.lengths[axis].map_or(0.0, |length| nearest(difference[axis], length))
         })
     }
 

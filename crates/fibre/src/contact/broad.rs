@@ -10,7 +10,6 @@ use bytemuck::{Pod, Zeroable};
 use fibreflow_parallel::Communicator;
 use rayon::prelude::*;
 use std::f64::consts::FRAC_PI_2;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Two segments that can touch before the next search.
 #[repr(C)]
@@ -61,6 +60,31 @@ impl Entry {
     }
 }
 
+/// A sphere that holds all that can be within half of the skin of a segment.
+#[derive(Clone, Copy)]
+struct Ball {
+    middle: Vector3,
+    radius: f64,
+}
+
+impl Ball {
+    fn around(entry: &Entry, skin: f64) -> Self {
+        let [start, end] = entry.ends();
+        Self {
+            middle: 0.5 * (start + end),
+            // Round-off must not lose a pair.
+            radius: (0.5 * (end - start).norm() + entry.radius + 0.5 * skin) * (1.0 + 1e-9),
+        }
+    }
+
+    #[inline(always)]
+    fn meets(&self, other: &Self, images: &Images) -> bool {
+        let between = other.middle - self.middle;
+        let reach = self.radius + other.radius;
+        (between - images.nearest(&between).shift).norm_squared() <= reach * reach
+    }
+}
+
 /// All pairs with a gap below `skin`, apart from neighbours in a fibre. Collective.
 ///
 /// Each rank sends a segment once to every rank that is home to a cell it covers; a pair is found in the one cell
@@ -104,17 +128,18 @@ pub(super) fn search(
     }
     cells.par_sort_unstable();
 
-    let tests = AtomicUsize::new(0);
+    let balls: Vec<Ball> = entries.par_iter().map(|e| Ball::around(e, skin)).collect();
     let near = |key: u64, first: u32, second: u32| {
         let (i, j) = (first as usize, second as usize);
+        // Cheapest first: most pairs in a cell are too far apart, or found in another cell.
+        if !balls[i].meets(&balls[j], images) || covers[i].common(&covers[j]) != Some(key) {
+            return None;
+        }
         let (a, b) = if entries[i].id < entries[j].id {
             (&entries[i], &entries[j])
         } else {
             (&entries[j], &entries[i])
         };
-        if covers[i].common(&covers[j]) != Some(key) {
-            return None;
-        }
         near_gap(a, b, images, skin).map(|gap| Found {
             ids: [a.id, b.id],
             owner: [a.owner, b.owner],
@@ -122,16 +147,22 @@ pub(super) fn search(
             gap,
         })
     };
-    let found: Vec<Found> = cells
+    let in_cell = |(mut found, tests): (Vec<Found>, usize), cell: &[(u64, u32)]| {
+        for (n, &(key, first)) in cell.iter().enumerate() {
+            for &(_, second) in &cell[n + 1..] {
+                found.extend(near(key, first, second));
+            }
+        }
+        (found, tests + cell.len() * (cell.len() - 1) / 2)
+    };
+    let empty = || (Vec::new(), 0);
+    let (found, tests) = cells
         .par_chunk_by(|x, y| x.0 == y.0)
-        .flat_map_iter(|cell| {
-            tests.fetch_add(cell.len() * (cell.len() - 1) / 2, Ordering::Relaxed);
-            cell.iter().enumerate().flat_map(move |(n, &(key, first))| {
-                let later = cell[n + 1..].iter();
-                later.filter_map(move |&(_, second)| near(key, first, second))
-            })
-        })
-        .collect();
+        .fold(empty, in_cell)
+        .reduce(empty, |(mut all, tests), (more, others)| {
+            all.extend(more);
+            (all, tests + others)
+        });
 
     let mut reports = vec![Vec::new(); ranks];
     for pair in found {
@@ -148,7 +179,7 @@ pub(super) fn search(
     pairs.par_sort_unstable_by_key(|pair| pair.ids);
     Ok(Search {
         pairs,
-        tests: tests.into_inner(),
+        tests,
         reach,
     })
 }
