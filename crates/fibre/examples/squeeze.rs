@@ -1,5 +1,6 @@
 //! VALIDATION B6: 500 fibres of aspect ratio 30 squeezed by a moving wall from 2 % to 12 % of volume; crossings of centre
-//! lines, largest overlap, energy budget. Lengths in diameters; `cargo run --release -p fibreflow-fibre --example squeeze`
+//! lines, largest overlap, energy budget. Lengths in diameters, the axial wave speed is 100; the argument is the speed of
+//! the wall: `cargo run --release -p fibreflow-fibre --example squeeze -- 0.5`
 
 use fibreflow_fibre::contact::{ContactSettings, NormalDamping, Wall};
 use fibreflow_fibre::placement::{
@@ -18,16 +19,16 @@ const RADIUS: f64 = 0.5;
 const EDGE: f64 = 75.0;
 const MODULUS: f64 = 1e4;
 const FRACTIONS: [f64; 2] = [0.02, 0.12];
-const SPEED: f64 = 0.5;
 const REPORTS: usize = 20;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let solid = COUNT as f64 * PI * RADIUS * RADIUS * LENGTH;
     let height = |fraction: f64| solid / (fraction * EDGE * EDGE);
     let [start, end] = FRACTIONS.map(height);
-    let mut fibres = scene(start)?;
+    let speed: f64 = std::env::args().nth(1).map_or(Ok(0.5), |x| x.parse())?;
+    let mut fibres = scene(start, speed)?;
     let before = fibres.energy().total();
-    let interval = (start - end) / SPEED / REPORTS as f64;
+    let interval = (start - end) / speed / REPORTS as f64;
     let steps = (interval / 0.1).ceil() as usize;
     let clock = Instant::now();
     println!(
@@ -44,7 +45,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let energy = fibres.energy();
         let kept = energy.total() - before + contacts.stored_energy;
         let defect = contacts.wall_work - kept - contacts.dissipated_energy;
-        let now = start - SPEED * interval * report as f64;
+        let now = start - speed * interval * report as f64;
         println!(
             "{:.4} {} {:.4} {} {:.5e} {:.3e} {:.3e} {:.3e} {:.5e} {:.2e}",
             solid / (now * EDGE * EDGE),
@@ -68,7 +69,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 /// Fibres at rest between a floor and a ceiling that comes down.
-fn scene(height: f64) -> Result<FibreSystem, Box<dyn Error>> {
+fn scene(height: f64, speed: f64) -> Result<FibreSystem, Box<dyn Error>> {
     let size = Vector3::new(EDGE, EDGE, height);
     let placed = place_random(&PlacementSettings {
         amount: Amount::Count(COUNT),
@@ -88,7 +89,7 @@ fn scene(height: f64) -> Result<FibreSystem, Box<dyn Error>> {
         max_attempts: 100_000,
     })?;
     let ceiling = Wall {
-        velocity: -SPEED * Vector3::z(),
+        velocity: -speed * Vector3::z(),
         ..Wall::plane(height * Vector3::z(), -Vector3::z())
     };
     let contacts = ContactSettings {

@@ -100,7 +100,8 @@ pub struct Domain {
     /// Edge lengths [m].
     #[schemars(extend("items" = {"type": "number", "exclusiveMinimum": 0}))]
     pub size: [f64; 3],
-    /// Periodic directions; the others end at walls.
+    /// Periodic directions; the others end at walls. In a shear flow, a box that is periodic along y is sheared with the
+    /// flow (Lees and Edwards).
     #[serde(default)]
     pub periodic: [bool; 3],
 }
