@@ -26,7 +26,7 @@ pub use crossing::crossings;
 pub use far::{Lubrication, LubricationModel, Repulsion, VanDerWaals};
 pub use springs::FrictionRecord;
 pub use system::{ContactStatistics, ContactSystem};
-pub use wall::{Surface, Wall};
+pub use wall::{Surface, SurfaceMotion, Wall};
 
 use crate::{PeriodicBox, Vector3};
 

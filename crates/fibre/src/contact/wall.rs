@@ -17,6 +17,39 @@ pub struct Wall {
     pub surface: Surface,
     /// Its velocity \[m/s\]; it does not turn.
     pub velocity: Vector3,
+    /// How its surface moves in itself besides.
+    pub motion: SurfaceMotion,
+}
+
+/// Motion of a surface in itself, which moves fibres by friction and lubrication but leaves the wall where it is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum SurfaceMotion {
+    /// None.
+    #[default]
+    Rest,
+    /// The same velocity everywhere \[m/s\].
+    Sliding(Vector3),
+    /// About an axis.
+    Turning {
+        /// A point of the axis \[m\].
+        point: Vector3,
+        /// Angular velocity \[rad/s\].
+        spin: Vector3,
+    },
+}
+
+impl SurfaceMotion {
+    fn at(&self, x: &Vector3) -> Vector3 {
+        match self {
+            Self::Rest => Vector3::zeros(),
+            Self::Sliding(velocity) => *velocity,
+            Self::Turning { point, spin } => spin.cross(&(x - point)),
+        }
+    }
+
+    fn is_finite(&self) -> bool {
+        self.at(&Vector3::new(1.0, 2.0, 3.0)).sum().is_finite()
+    }
 }
 
 /// Form of a wall.
@@ -67,6 +100,7 @@ impl Wall {
         Self {
             surface,
             velocity: Vector3::zeros(),
+            motion: SurfaceMotion::Rest,
         }
     }
 }
@@ -90,6 +124,7 @@ pub(super) struct WallContacts {
 struct Checked {
     form: Form,
     velocity: Vector3,
+    motion: SurfaceMotion,
     /// Number of its first item; a plane or pipe has one, a triangulated surface has its faces and edges.
     first_item: u32,
 }
@@ -156,6 +191,7 @@ impl WallContacts {
             checked.push(Checked {
                 form,
                 velocity: wall.velocity,
+                motion: wall.motion,
                 first_item,
             });
             first_item += items as u32;
@@ -310,10 +346,12 @@ impl Step<'_> {
             let velocity = first + (second - first) * near.at + spin.cross(&arm);
             let [start, end] = segments.ends(i);
             let length = (end - start).norm();
+            let place = start + (end - start) * near.at + arm;
+            let surface = wall.velocity + wall.motion.at(&place);
             let touch = Touch {
                 normal: -near.normal,
                 overlap,
-                velocity: velocity - wall.velocity,
+                velocity: velocity - surface,
                 spin: 0.5 * spin,
                 mass: if inside {
                     let (a, b) = (1.0 - near.at, near.at);
@@ -334,8 +372,8 @@ impl Step<'_> {
             totals.contacts += usize::from(overlap > -law.far.contact_gap());
             totals.max_overlap = totals.max_overlap.max(overlap);
             totals.stored += response.stored;
-            totals.dissipated += response.dissipated + response.drag.dot(&wall.velocity) * dt;
-            totals.work += response.force.dot(&wall.velocity) * dt;
+            totals.dissipated += response.dissipated + response.drag.dot(&surface) * dt;
+            totals.work += response.force.dot(&surface) * dt;
             totals.force[candidate.wall as usize] -= response.force;
         }
     }
@@ -429,7 +467,7 @@ impl Checked {
 
 /// Checks a wall and normalises its directions.
 fn form(wall: &Wall, periodic: &PeriodicBox) -> Result<Form, &'static str> {
-    if !wall.velocity.iter().all(|x| x.is_finite()) {
+    if !(wall.velocity.sum().is_finite() && wall.motion.is_finite()) {
         return Err("its velocity is not finite");
     }
     let repeats = |axis: usize| periodic.lengths[axis].is_some();

@@ -1,10 +1,11 @@
 //! The contacts of a case: laws, and the walls that hold its fibres.
 
 use super::mesh::SceneMesh;
-use crate::case::{self, AmbientFlow, Case, Contact, ContactWall, Domain};
+use crate::case::{self, AmbientFlow, Boundary, Case, Contact, ContactWall, Domain};
 use fibreflow_fibre::PeriodicBox;
 use fibreflow_fibre::contact::{
-    ContactSettings, Lubrication, LubricationModel, NormalDamping, Repulsion, VanDerWaals, Wall,
+    ContactSettings, Lubrication, LubricationModel, NormalDamping, Repulsion, SurfaceMotion,
+    VanDerWaals, Wall,
 };
 use fibreflow_mesh::Periods;
 use nalgebra::Vector3;
@@ -19,8 +20,13 @@ pub fn settings(
     let thickest = case.fibres.iter().map(|g| g.diameter).fold(0.0, f64::max);
     let domain = case.domain();
     let walls = match &contact.walls {
-        Some(walls) => walls.iter().map(|wall| given_wall(wall, mesh)).collect(),
-        None => domain.as_ref().map_or_else(Vec::new, faces),
+        Some(walls) => {
+            let given = walls.iter();
+            given
+                .flat_map(|wall| given_walls(wall, case, mesh))
+                .collect()
+        }
+        None => domain.as_ref().map_or_else(Vec::new, |d| faces(d, case)),
     };
     // Along axes only: a sheared lattice has no box.
     let length = |c: usize| Some(periods.vectors[c][c]).filter(|l| *l > 0.0);
@@ -87,42 +93,83 @@ fn shear_rate(case: &Case) -> f64 {
     }
 }
 
-fn given_wall(wall: &ContactWall, mesh: Option<&SceneMesh>) -> Wall {
+fn given_walls(wall: &ContactWall, case: &Case, mesh: Option<&SceneMesh>) -> Vec<Wall> {
     match wall {
         ContactWall::Plane {
             point,
             normal,
             velocity,
-        } => Wall {
+        } => vec![Wall {
             velocity: (*velocity).into(),
             ..Wall::plane((*point).into(), (*normal).into())
-        },
+        }],
         ContactWall::Pipe {
             point,
             axis,
             radius,
-        } => Wall::pipe((*point).into(), (*axis).into(), *radius),
+        } => vec![Wall::pipe((*point).into(), (*axis).into(), *radius)],
         ContactWall::Patches { names } => {
-            let triangles = mesh.map_or_else(Vec::new, |mesh| {
-                let patches = mesh.local.patches.iter().enumerate();
-                let wanted = patches.filter(|(_, patch)| names.contains(patch));
-                let wanted: Vec<usize> = wanted.map(|(index, _)| index).collect();
-                fibreflow_mesh::facets(&mesh.local, &wanted)
-            });
+            let Some(mesh) = mesh else {
+                return Vec::new();
+            };
+            // One surface for all that moves alike, so that it has no rim in between.
+            let mut alike: Vec<(SurfaceMotion, Vec<usize>)> = Vec::new();
+            for (index, patch) in mesh.local.patches.iter().enumerate() {
+                if !names.contains(patch) {
+                    continue;
+                }
+                let motion = motion(case, patch);
+                match alike.iter_mut().find(|(other, _)| *other == motion) {
+                    Some((_, patches)) => patches.push(index),
+                    None => alike.push((motion, vec![index])),
+                }
+            }
             let corner = |x: [f64; 3]| Vector3::from(x);
-            Wall::facets(triangles.into_iter().map(|t| t.map(corner)).collect())
+            let wall = |(motion, patches): (SurfaceMotion, Vec<usize>)| {
+                let triangles = fibreflow_mesh::facets(&mesh.local, &patches).into_iter();
+                Wall {
+                    motion,
+                    ..Wall::facets(triangles.map(|t| t.map(corner)).collect())
+                }
+            };
+            alike.into_iter().map(wall).collect()
         }
     }
 }
 
+/// How the fluid's boundary moves in itself; at rest where that depends on time.
+fn motion(case: &Case, patch: &str) -> SurfaceMotion {
+    let boundaries = case.fluid.as_ref().map(|fluid| &fluid.boundaries);
+    match boundaries.and_then(|boundaries| boundaries.get(patch)) {
+        Some(Boundary::MovingWall {
+            velocity,
+            factor: None,
+        }) => SurfaceMotion::Sliding((*velocity).into()),
+        Some(Boundary::RotatingWall {
+            point,
+            axis,
+            rate,
+            factor: None,
+        }) => SurfaceMotion::Turning {
+            point: (*point).into(),
+            spin: Vector3::from(*axis).normalize() * *rate,
+        },
+        _ => SurfaceMotion::Rest,
+    }
+}
+
 /// The faces of the directions that are not periodic.
-fn faces(domain: &Domain) -> Vec<Wall> {
+fn faces(domain: &Domain, case: &Case) -> Vec<Wall> {
     let mut walls = Vec::new();
     for c in (0..3).filter(|&c| !domain.periodic[c]) {
-        for (side, sign) in [(0.0, 1.0), (domain.size[c], -1.0)] {
+        let axis = ["x", "y", "z"][c];
+        for (end, side, sign) in [("min", 0.0, 1.0), ("max", domain.size[c], -1.0)] {
             let mut point = Vector3::from(domain.origin);
             point[c] += side;
-            walls.push(Wall::plane(point, Vector3::ith(c, sign)));
+            walls.push(Wall {
+                motion: motion(case, &format!("{axis}_{end}")),
+                ..Wall::plane(point, Vector3::ith(c, sign))
+            });
         }
     }
     walls

@@ -142,6 +142,34 @@ fn a_moving_wall_pushes_drags_and_works() {
     assert!((contacts.wall_forces()[0] + force).norm() < 1e-12);
 }
 
+/// A surface that slides or turns drags, works, and stays where it is.
+#[test]
+fn a_surface_that_moves_in_itself_drags() {
+    let turning = SurfaceMotion::Turning {
+        point: Vector3::new(0.5, -2.0, 7.0),
+        spin: 0.25 * Vector3::z(),
+    };
+    for motion in [SurfaceMotion::Sliding(-0.5 * Vector3::x()), turning] {
+        let floor = Wall {
+            motion,
+            ..Wall::plane(Vector3::zeros(), Vector3::z())
+        };
+        let mut contacts = system(vec![floor], 0.3);
+        contacts.set_time(100.0);
+        let rod = Rod {
+            ends: [Vector3::new(0.5, 0.0, 0.09), Vector3::new(0.5, 0.0, 0.09)],
+            velocity: Vector3::zeros(),
+        };
+        let dt = 1e-4;
+        let load = rod.load(&mut contacts, dt);
+        let force = load.start_force + load.end_force;
+        let expected = -2.0 / 7.0 * 1e3 * 0.5 * dt;
+        assert!((force.x - expected).abs() < 1e-9, "{force}");
+        assert!((force.z - 10.0).abs() < 1e-9);
+        assert!((contacts.statistics().wall_work + 0.5 * expected * dt).abs() < 1e-15);
+    }
+}
+
 #[test]
 fn friction_on_facets_survives_a_restart() {
     let mut first = system(vec![Wall::facets(floor(20))], 0.4);
