@@ -121,11 +121,14 @@ pub(super) fn search(
     let received = communicator.exchange(addressed(communicator, segments, cover, home));
     let entries: Vec<Entry> = received.into_iter().flatten().collect();
     let covers: Vec<Cover> = entries.par_iter().map(cover).collect();
-    let mut cells: Vec<(u64, u32)> = Vec::with_capacity(2 * entries.len());
-    for (i, cover) in covers.iter().enumerate() {
-        let here = cover.keys().filter(|&key| home(key) == communicator.rank());
-        cells.extend(here.map(|key| (key, i as u32)));
-    }
+    let mut cells: Vec<(u64, u32)> = covers
+        .par_iter()
+        .enumerate()
+        .flat_map_iter(|(i, cover)| {
+            let here = cover.keys().filter(|&key| home(key) == communicator.rank());
+            here.map(move |key| (key, i as u32))
+        })
+        .collect();
     cells.par_sort_unstable();
 
     let balls: Vec<Ball> = entries.par_iter().map(|e| Ball::around(e, skin)).collect();
@@ -215,18 +218,24 @@ fn addressed(
     cover: impl Fn(&Entry) -> Cover,
     home: impl Fn(u64) -> usize,
 ) -> Vec<Vec<Entry>> {
-    let mut outgoing = vec![Vec::new(); communicator.size()];
-    let mut homes = Vec::with_capacity(8);
-    for (index, &id) in segments.ids.iter().enumerate() {
+    let entry = |index: usize| {
         let [start, end] = segments.ends(index).map(Into::into);
-        let entry = Entry {
-            id,
+        Entry {
+            id: segments.ids[index],
             start,
             end,
             radius: segments.radius[index],
             owner: communicator.rank() as u32,
             index: index as u32,
-        };
+        }
+    };
+    if communicator.size() == 1 {
+        let all = (0..segments.count()).into_par_iter();
+        return vec![all.map(entry).collect()];
+    }
+    let mut outgoing = vec![Vec::new(); communicator.size()];
+    let mut homes = Vec::with_capacity(8);
+    for entry in (0..segments.count()).map(entry) {
         homes.clear();
         homes.extend(cover(&entry).keys().map(&home));
         homes.sort_unstable();

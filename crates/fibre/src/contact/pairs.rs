@@ -127,10 +127,10 @@ impl Pairs {
         owned: usize,
         found: &[Found],
         springs: &[Vector3],
-        local: impl Fn((u32, u32)) -> u32,
+        local: impl Fn((u32, u32)) -> u32 + Sync,
         range: f64,
     ) -> Self {
-        let local: Vec<_> = found.iter().map(|f| f.places().map(&local)).collect();
+        let local: Vec<_> = found.par_iter().map(|f| f.places().map(&local)).collect();
         let (offsets, rows) = rows(owned, &local);
         // A spring without its contact is forgotten when the pair is looked at.
         let wake = |(found, spring): (&Found, &Vector3)| {
@@ -145,10 +145,10 @@ impl Pairs {
             ..Contact::default()
         };
         Self {
-            ids: found.iter().map(|f| f.ids).collect(),
+            ids: found.par_iter().map(|f| f.ids).collect(),
             local,
-            wake: found.iter().zip(springs).map(wake).collect(),
-            contacts: springs.iter().map(contact).collect(),
+            wake: found.par_iter().zip(springs).map(wake).collect(),
+            contacts: springs.par_iter().map(contact).collect(),
             lost: vec![0.0; found.len().div_ceil(BLOCK)],
             offsets,
             rows,

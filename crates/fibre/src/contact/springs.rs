@@ -4,6 +4,7 @@ use crate::Vector3;
 use crate::contact::grid::mix;
 use bytemuck::{Pod, Zeroable};
 use fibreflow_parallel::Communicator;
+use rayon::prelude::*;
 
 /// Tangential spring of one contact: what a checkpoint keeps of it.
 #[repr(C)]
@@ -42,7 +43,7 @@ pub(super) fn carry(
         known.sort_unstable_by_key(FrictionRecord::key);
     }
     let spring = |key: &[u64; 2]| find(&known, key).map_or(Vector3::zeros(), |r| r.spring.into());
-    wanted.iter().map(spring).collect()
+    wanted.par_iter().map(spring).collect()
 }
 
 fn find<'a>(sorted: &'a [FrictionRecord], key: &[u64; 2]) -> Option<&'a FrictionRecord> {
