@@ -38,6 +38,7 @@ mpi_checks! {
     a_short_periodic_box_is_refused_by_all_ranks,
     fibres_change_owner_unnoticed,
     fibres_in_contact_for_long,
+    fibres_in_contact_in_implicit_steps,
     transfer_agrees_on_any_ranks,
     coupled_ranks_agree,
     crowded_fibres_are_handed_out,

@@ -6,7 +6,9 @@ use fibreflow_fibre::contact::{ContactSettings, NormalDamping, Wall};
 use fibreflow_fibre::placement::{
     Amount, CentreLine, Orientation, PlacementDomain, PlacementSettings, place_random,
 };
-use fibreflow_fibre::{Fibre, FibreSettings, FibreSystem, Material, PeriodicBox, Vector3};
+use fibreflow_fibre::{
+    Fibre, FibreSettings, FibreSystem, ImplicitSettings, Integrator, Material, PeriodicBox, Vector3,
+};
 use fibreflow_parallel::Communicator;
 use std::error::Error;
 use std::f64::consts::PI;
@@ -21,15 +23,24 @@ const MODULUS: f64 = 1e4;
 const FRACTIONS: [f64; 2] = [0.02, 0.12];
 const REPORTS: usize = 20;
 
+/// Arguments: speed of the wall, and for the implicit integrator its step over the explicit one.
 fn main() -> Result<(), Box<dyn Error>> {
     let solid = COUNT as f64 * PI * RADIUS * RADIUS * LENGTH;
     let height = |fraction: f64| solid / (fraction * EDGE * EDGE);
     let [start, end] = FRACTIONS.map(height);
-    let speed: f64 = std::env::args().nth(1).map_or(Ok(0.5), |x| x.parse())?;
-    let mut fibres = scene(start, speed)?;
+    let argument = |n: usize| std::env::args().nth(n).map(|r| r.parse()).transpose();
+    let speed: f64 = argument(1)?.unwrap_or(0.5);
+    let ratio: Option<f64> = argument(2)?;
+    let mut fibres = scene(start, speed, ratio.is_some())?;
     let before = fibres.energy().total();
     let interval = (start - end) / speed / REPORTS as f64;
-    let steps = (interval / 0.1).ceil() as usize;
+    let explicit = 0.5 * fibres.critical_step();
+    let step = ratio.map_or(0.1, |ratio| ratio * explicit);
+    let steps = (interval / step).ceil() as usize;
+    println!(
+        "explicit sub-step {explicit:.3e}, step {:.3e}",
+        interval / steps as f64
+    );
     let clock = Instant::now();
     println!(
         "fraction contacts overlap/d crossings work kinetic elastic contact dissipated defect/work"
@@ -69,7 +80,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 /// Fibres at rest between a floor and a ceiling that comes down.
-fn scene(height: f64, speed: f64) -> Result<FibreSystem, Box<dyn Error>> {
+fn scene(height: f64, speed: f64, implicit: bool) -> Result<FibreSystem, Box<dyn Error>> {
     let size = Vector3::new(EDGE, EDGE, height);
     let placed = place_random(&PlacementSettings {
         amount: Amount::Count(COUNT),
@@ -106,6 +117,11 @@ fn scene(height: f64, speed: f64) -> Result<FibreSystem, Box<dyn Error>> {
     let settings = FibreSettings {
         contacts: Some(contacts),
         step_safety: 0.5,
+        integrator: if implicit {
+            Integrator::Implicit(ImplicitSettings::default())
+        } else {
+            Integrator::Explicit
+        },
         ..FibreSettings::default()
     };
     let line = CentreLine::Straight.nodes(LENGTH, SEGMENTS);

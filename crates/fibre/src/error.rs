@@ -142,6 +142,14 @@ pub enum FibreError {
         /// Centre of mass \[m\].
         position: Vector3,
     },
+    /// Rigid fibres in implicit steps with contacts.
+    #[error("rigid fibres that may touch need the explicit integrator")]
+    RigidContact,
+    /// The implicit step of fibres that touch finds no answer, however short its sub-step.
+    #[error(
+        "the implicit step of touching fibres found no answer in its shortest sub-step; take a smaller step or softer contacts"
+    )]
+    NoJointConvergence,
     /// A position, velocity or rotation is not finite.
     #[error("fibre {fibre}, node {node}: non-finite {field} at position ({:.6e}, {:.6e}, {:.6e})", position.x, position.y, position.z)]
     NonFinite {

@@ -1,6 +1,7 @@
 //! Fibres that may touch: all fibres of all ranks advance in the same sub-steps, with contact forces in each.
 
 use crate::contact::{ContactSettings, ContactSystem, Segments};
+use crate::implicit::{ImplicitSettings, Integrator, Joint, Parties};
 use crate::integrate::{Batch, Flow, Given, sub_steps};
 use crate::system::{Model, Motion};
 use crate::{FibreError, FibreSystem};
@@ -15,12 +16,13 @@ pub(crate) struct Touching {
     pub critical_step: Option<f64>,
     /// Length of the last sub-step \[s\].
     last_step: Option<f64>,
+    joint: Joint,
     axes: Axes,
 }
 
 /// Constants of the segments of this rank.
 #[derive(Default)]
-struct Axes {
+pub(crate) struct Axes {
     /// First node of each segment.
     node: Vec<u32>,
     ids: Vec<u64>,
@@ -43,7 +45,7 @@ impl Axes {
         new
     }
 
-    fn moving<'a>(&'a self, motion: &'a Motion) -> Segments<'a> {
+    pub fn moving<'a>(&'a self, motion: &'a Motion) -> Segments<'a> {
         Segments {
             ids: &self.ids,
             node: &self.node,
@@ -62,6 +64,7 @@ impl Touching {
             contacts: ContactSystem::new(settings, communicator)?,
             critical_step: None,
             last_step: None,
+            joint: Joint::default(),
             axes: Axes::default(),
         })
     }
@@ -69,6 +72,7 @@ impl Touching {
     /// Takes over the segments of the model.
     pub fn rebuild(&mut self, model: &Model) {
         self.axes = Axes::new(model);
+        self.joint = Joint::default();
     }
 
     /// Contact loads at the given motion, in the middle of a sub-step; friction moves on by `step`.
@@ -93,7 +97,7 @@ impl Touching {
 impl Batch<'_> {
     /// Adds the contact loads of one fibre's segments; the torque goes to both ends alike, as the spin of a segment is
     /// the mean of theirs.
-    fn add_contacts(&mut self, model: &Model, contacts: &ContactSystem) {
+    pub(crate) fn add_contacts(&mut self, model: &Model, contacts: &ContactSystem) {
         for (i, segment) in model.segment_range(self.fibres.start).enumerate() {
             if let Some(load) = contacts.load(segment) {
                 self.load[i].force += load.start_force;
@@ -120,6 +124,41 @@ impl Batch<'_> {
 }
 
 impl FibreSystem {
+    /// One implicit step of all fibres together. Collective.
+    fn run_jointly(
+        &mut self,
+        touching: &mut Touching,
+        given: Option<Given>,
+        dt: f64,
+        settings: &ImplicitSettings,
+    ) -> Result<(), FibreError> {
+        let rigid = self.model.fibres.iter().any(|f| f.body.is_some());
+        if self.communicator.any(rigid) {
+            return Err(FibreError::RigidContact);
+        }
+        if touching.joint.is_empty() {
+            touching.joint.resize(&self.model);
+        }
+        let flow = Flow::new(given, &self.settings)?;
+        let mut parties = Parties {
+            model: &self.model,
+            motion: &mut self.motion,
+            scratch: &mut self.scratch,
+            reaction: &mut self.reaction,
+            contacts: &mut touching.contacts,
+            communicator: &self.communicator,
+            flow,
+        };
+        let joint = &mut touching.joint;
+        let done = joint.advance(&mut parties, &touching.axes, dt, settings)?;
+        self.work = (done.sub_steps, done.sub_steps * self.segments());
+        if done.converged {
+            Ok(())
+        } else {
+            Err(FibreError::NoJointConvergence)
+        }
+    }
+
     /// One step of all fibres together. Collective.
     pub(crate) fn run_together(
         &mut self,
@@ -127,6 +166,9 @@ impl FibreSystem {
         given: Option<Given>,
         dt: f64,
     ) -> Result<(), FibreError> {
+        if let Integrator::Implicit(settings) = self.settings.integrator {
+            return self.run_jointly(touching, given, dt, &settings);
+        }
         let contact_step = touching.critical_step.unwrap_or_else(|| {
             let segments = touching.axes.moving(&self.motion);
             touching.contacts.critical_step(&segments)

@@ -52,9 +52,12 @@ pub fn describe(scene: &Scene, case: &Case) -> Vec<String> {
     if let Some(fibres) = &scene.fibres {
         let critical = fibres.communicator().min(fibres.critical_step());
         let way = match case.mechanics.integrator {
+            IntegratorKind::Implicit if case.contact.is_some() => {
+                "implicit, contacts in the same equations".to_owned()
+            }
+            IntegratorKind::Implicit => "implicit".to_owned(),
             _ if case.contact.is_some() => "explicit, as fibres may touch".to_owned(),
             IntegratorKind::Explicit => "explicit".to_owned(),
-            IntegratorKind::Implicit => "implicit".to_owned(),
             IntegratorKind::Auto => format!(
                 "auto: implicit where a step is longer than {:.3e} s",
                 critical * FibreSettings::default().step_safety * Integrator::WORTH as f64

@@ -4,7 +4,8 @@ use super::{Outcome, ensure};
 use fibreflow_fibre::contact::{ContactSettings, NormalDamping, Wall};
 use fibreflow_fibre::hydrodynamics::{AmbientFlow, DragModel, FluidProperties, TorqueModel};
 use fibreflow_fibre::{
-    Fibre, FibreSettings, FibreSystem, Hydrodynamics, Material, PeriodicBox, Vector3,
+    Fibre, FibreSettings, FibreSystem, Hydrodynamics, ImplicitSettings, Integrator, Material,
+    PeriodicBox, Vector3,
 };
 use fibreflow_parallel::Communicator;
 
@@ -112,6 +113,39 @@ pub fn long_contact(communicator: &Communicator) -> Outcome {
     for record in &shared.state().records {
         let same = reference.records[record.id as usize] == *record;
         ensure(same, || format!("fibre {} differs", record.id))?;
+    }
+    Ok(())
+}
+
+/// Implicit steps of fibres in contact, with changes of owner, are those of one rank up to the tolerance of the solver.
+pub fn implicit_contact(communicator: &Communicator) -> Outcome {
+    let ranks = communicator.size();
+    let rank = communicator.rank() as u32;
+    let implicit = FibreSettings {
+        integrator: Integrator::Implicit(ImplicitSettings::default()),
+        ..settings()
+    };
+    let flow = AmbientFlow::Shear { rate: 3.0 };
+    let mine = heap(|id| owner(id, 0, ranks) == rank);
+    let mut shared = FibreSystem::new(communicator.clone(), implicit.clone(), mine)?;
+    let mut alone = FibreSystem::new(Communicator::single(), implicit, heap(|_| true))?;
+    let mut contacts = 0;
+    for round in 1..4 {
+        for _ in 0..10 {
+            shared.advance_in_flow(&flow, 1e-2)?;
+            alone.advance_in_flow(&flow, 1e-2)?;
+        }
+        contacts = contacts.max(alone.contacts().map_or(0, |c| c.statistics().contacts));
+        let target = |f| owner(shared.id(f), round, ranks);
+        let owners: Vec<u32> = (0..shared.fibres()).map(target).collect();
+        shared.migrate(&owners)?;
+    }
+    ensure(contacts > 3, || format!("only {contacts} contacts"))?;
+    for f in 0..shared.fibres() {
+        let id = shared.id(f);
+        let other = alone.find(id).ok_or("a fibre is missing")?;
+        let gap = (shared.centre(f) - alone.centre(other)).norm();
+        ensure(gap < 1e-9, || format!("fibre {id} is {gap:e} off"))?;
     }
     Ok(())
 }

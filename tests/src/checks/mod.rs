@@ -59,6 +59,10 @@ pub const CHECKS: &[(&str, Check)] = &[
         fibres::migration_changes_nothing,
     ),
     ("fibres_in_contact_for_long", fibres::long_contact),
+    (
+        "fibres_in_contact_in_implicit_steps",
+        fibres::implicit_contact,
+    ),
     ("transfer_agrees_on_any_ranks", coupling::ranks_agree),
     ("coupled_ranks_agree", coupled::ranks_agree),
     (

@@ -103,6 +103,15 @@ impl Segment {
         (force, stiffness)
     }
 
+    /// The negative part of ∂g_d/∂d \[N/m\]: what a compressed segment lacks of stiffness across its chord.
+    pub(crate) fn compression(&self, start: Pose, end: Pose) -> Matrix3 {
+        let span = end.position - start.position;
+        let length = span.norm();
+        let tension = self.axial * (length - self.rest_length);
+        let across = Matrix3::identity() - dyad(&span, &span) / (length * length);
+        across * (tension.min(0.0) / length)
+    }
+
     /// Kelvin–Voigt damping matrix in the blocks of [`SegmentStiffness`]: minus the derivative of
     /// [`Segment::viscous_force`] by the velocities, symmetric and positive semi-definite.
     pub fn damping(&self, start: Pose, end: Pose) -> SegmentStiffness {

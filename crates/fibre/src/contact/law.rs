@@ -236,7 +236,7 @@ impl Law {
 }
 
 /// The spring in the current tangent plane: its length is kept, and it turns with the bodies about the normal.
-fn turned(spring: &Vector3, normal: &Vector3, angle: f64) -> Vector3 {
+pub(super) fn turned(spring: &Vector3, normal: &Vector3, angle: f64) -> Vector3 {
     let flat = spring - normal * normal.dot(spring);
     let (length, size) = (spring.norm(), flat.norm());
     if size <= 1e-12 * length || length == 0.0 {

@@ -14,6 +14,7 @@ mod far;
 mod grid;
 mod images;
 mod law;
+mod linear;
 mod loads;
 mod pairs;
 mod springs;

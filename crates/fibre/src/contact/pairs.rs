@@ -3,11 +3,12 @@
 use crate::Vector3;
 use crate::contact::Segments;
 use crate::contact::broad::Found;
-use crate::contact::closest::{near_points, share};
+use crate::contact::closest::{closest_points, near_points, share};
 use crate::contact::crossing::crossings;
 use crate::contact::far::Facing;
 use crate::contact::images::Images;
 use crate::contact::law::{Law, Response, Touch};
+use crate::contact::linear::{Linear, Passed, Sway};
 use crate::contact::loads::{Acting, Loads};
 use crate::contact::travel::rest;
 use bytemuck::{Pod, Zeroable};
@@ -27,6 +28,8 @@ pub(super) struct Pairs {
     /// Path before which the pair cannot come into the range of its forces \[m\]; 0 for a pair within it.
     wake: Vec<f64>,
     contacts: Vec<Contact>,
+    /// Contacts of the implicit integrator's present iteration; empty for the explicit one.
+    linear: Vec<Option<Linear>>,
     /// Energy lost in the last step, by blocks of pairs \[J\].
     lost: Vec<f64>,
     /// Pairs of every owned segment: `rows[offsets[i]..offsets[i + 1]]` holds pair << 1 | side, ascending.
@@ -149,6 +152,7 @@ impl Pairs {
             local,
             wake: found.par_iter().zip(springs).map(wake).collect(),
             contacts: springs.par_iter().map(contact).collect(),
+            linear: Vec::new(),
             lost: vec![0.0; found.len().div_ceil(BLOCK)],
             offsets,
             rows,
@@ -209,6 +213,142 @@ impl Pairs {
             }
         });
         self.lost.iter().sum()
+    }
+
+    /// Computes all contacts at the end of a step of length `time` in which the segments swayed so far.
+    pub fn linearise(
+        &mut self,
+        bodies: Bodies<'_>,
+        law: &Law,
+        images: &Images,
+        sway: &[Sway],
+        time: f64,
+        loads: &Loads,
+    ) {
+        self.linear.resize(self.len(), None);
+        let far = [law.far.range(), law.far.scale()];
+        let columns = self.local.par_iter().zip(&self.contacts);
+        let all = columns.zip(&mut self.linear).with_min_len(BLOCK);
+        all.for_each(|((local, contact), linear)| {
+            let [i, j] = local.map(|i| i as usize);
+            *linear = meet(bodies, [i, j], far, images).ok().map(|meeting| {
+                let [s, t] = meeting.at;
+                let own = sway[i].at(s, &meeting.arms[0]) - sway[j].at(t, &meeting.arms[1]);
+                let passed = Passed {
+                    slip: own + meeting.drift * time,
+                    time,
+                };
+                Linear {
+                    at: meeting.at,
+                    arms: meeting.arms,
+                    ..law.linearise(&meeting.touch, &passed, &contact.spring)
+                }
+            });
+            if linear.is_some() {
+                let owned = [i, j].into_iter().filter(|&i| bodies.owns(i));
+                owned.for_each(|i| loads.mark(i));
+            }
+        });
+    }
+
+    /// Load on an owned segment of the contacts of [`Pairs::linearise`], or with `sway` what it changes by.
+    pub fn linear_load(&self, segment: usize, sway: Option<&[Sway]>) -> Acting {
+        let mut acting = Acting::default();
+        let load = &mut acting.load;
+        let row = self.offsets[segment] as usize..self.offsets[segment + 1] as usize;
+        for &entry in &self.rows[row] {
+            let (pair, side) = ((entry >> 1) as usize, (entry & 1) as usize);
+            let Some(linear) = &self.linear[pair] else {
+                continue;
+            };
+            match sway {
+                None => {
+                    let sign = if side == 0 { 1.0 } else { -1.0 };
+                    linear.load(side, &linear.force, load);
+                    load.torque += linear.couple * sign;
+                }
+                Some(sway) => {
+                    let [i, j] = self.local[pair].map(|i| i as usize);
+                    let [s, t] = linear.at;
+                    let own = sway[i].at(s, &linear.arms[0]) - sway[j].at(t, &linear.arms[1]);
+                    linear.load(side, &(linear.stiffness * -own), load);
+                }
+            }
+        }
+        acting
+    }
+
+    /// Takes the contacts of [`Pairs::linearise`] for those of a finished step. Returns the energy lost by contacts whose
+    /// first segment is owned \[J\].
+    pub fn commit(&mut self, owned: usize) -> f64 {
+        let mut lost = 0.0;
+        for (k, contact) in self.contacts.iter_mut().enumerate() {
+            self.wake[k] = 0.0;
+            *contact = self.linear[k].map_or_else(Contact::default, |linear| Contact {
+                active: true,
+                response: Response {
+                    force: linear.force,
+                    couple: linear.couple,
+                    stored: linear.stored,
+                    dissipated: linear.dissipated,
+                    ..Response::default()
+                },
+                at: linear.at,
+                arms: linear.arms,
+                overlap: linear.overlap,
+                spring: linear.spring,
+            });
+            if contact.active && (self.local[k][0] as usize) < owned {
+                lost += contact.response.dissipated;
+            }
+        }
+        lost
+    }
+
+    /// Largest part of its own sway in which no axis can reach that of an owned segment, if all others keep to theirs.
+    pub fn own_stride(
+        &self,
+        segment: usize,
+        bodies: Bodies<'_>,
+        images: &Images,
+        sway: &[Sway],
+    ) -> f64 {
+        // Part of the distance between two axes that each may come nearer.
+        const NEARER: f64 = 0.4;
+        let ends = sway[segment].ends.map(|x| Vector3::from(x).norm());
+        let moved = ends[0].max(ends[1]);
+        let row = self.offsets[segment] as usize..self.offsets[segment + 1] as usize;
+        let part = |&entry: &u32| {
+            let [i, j] = self.local[(entry >> 1) as usize].map(|i| i as usize);
+            let distance = axis_distance(bodies, images, [i, j]);
+            if moved <= NEARER * distance {
+                1.0
+            } else {
+                NEARER * distance / moved
+            }
+        };
+        self.rows[row].iter().map(part).fold(1.0, f64::min)
+    }
+
+    /// Largest part of `sway` in which no axis can reach another.
+    pub fn stride(&self, bodies: Bodies<'_>, images: &Images, sway: &[Sway]) -> f64 {
+        // Part of the distance between two axes that they may come nearer.
+        const NEARER: f64 = 0.8;
+        let part = |local: &[u32; 2]| {
+            let [i, j] = local.map(|i| i as usize);
+            let ends = |i: usize| sway[i].ends.map(Vector3::from);
+            let (a, b) = (ends(i), ends(j));
+            let both = a.iter().flat_map(|a| b.iter().map(move |b| (a - b).norm()));
+            let nearer = both.fold(0.0, f64::max);
+            let distance = axis_distance(bodies, images, [i, j]);
+            if nearer <= NEARER * distance {
+                1.0
+            } else {
+                NEARER * distance / nearer
+            }
+        };
+        let parts = self.local.par_iter().with_min_len(BLOCK).map(part);
+        parts.reduce(|| 1.0, f64::min)
     }
 
     /// What all contacts of an owned segment do to it.
@@ -296,39 +436,78 @@ impl Contact {
         images: &Images,
         dt: f64,
     ) -> Result<(), f64> {
-        let (a, mut b) = (bodies.ends(i), bodies.ends(j));
-        let image = images.beside(&a, &b);
-        b.iter_mut().for_each(|end| *end -= image.shift);
-        let radii = [bodies.radius(i), bodies.radius(j)];
-        let reach = radii[0] + radii[1];
-        let points = near_points(&a, &b, reach, range, scale)?;
-        let normal = if points.distance > 1e-12 * reach {
-            points.separation / points.distance
-        } else {
-            across(&(a[1] - a[0]), &(b[1] - b[0]))
-        };
+        let meeting = meet(bodies, [i, j], [range, scale], images)?;
         self.active = true;
-        self.overlap = reach - points.distance;
-        // The contact point is in the middle of the overlap.
-        let arm = |radius: f64| normal * (radius - 0.5 * self.overlap);
-        self.arms = [arm(radii[0]), -arm(radii[1])];
-        self.at = [points.s, points.t];
-        let (velocity_a, spin_a, mass_a) = bodies.motion(i, self.at[0], &self.arms[0]);
-        let (velocity_b, spin_b, mass_b) = bodies.motion(j, self.at[1], &self.arms[1]);
-        let touch = Touch {
-            normal,
-            overlap: self.overlap,
-            velocity: velocity_a - velocity_b + image.velocity,
-            spin: 0.5 * (spin_a + spin_b),
-            mass: 1.0 / (compliance(self.at[0], mass_a) + compliance(self.at[1], mass_b)),
-            share: share(&points),
-            rub_share: 1.0,
-            facing: (range > 0.0).then(|| Facing::axes(&a, &b, radii)),
-        };
-        self.response = law.respond(&touch, &mut self.spring, dt);
-        self.response.dissipated -= self.response.drag.dot(&image.velocity) * dt;
+        self.overlap = meeting.touch.overlap;
+        self.arms = meeting.arms;
+        self.at = meeting.at;
+        self.response = law.respond(&meeting.touch, &mut self.spring, dt);
+        self.response.dissipated -= self.response.drag.dot(&meeting.drift) * dt;
         Ok(())
     }
+}
+
+/// Distance of the axes of two segments \[m\].
+fn axis_distance(bodies: Bodies<'_>, images: &Images, [i, j]: [usize; 2]) -> f64 {
+    let (a, mut b) = (bodies.ends(i), bodies.ends(j));
+    let image = images.beside(&a, &b);
+    b.iter_mut().for_each(|end| *end -= image.shift);
+    closest_points(&a, &b).distance
+}
+
+/// Where and how two segments meet.
+struct Meeting {
+    touch: Touch,
+    /// Places on the two axes.
+    at: [f64; 2],
+    /// Levers from the axes to the contact point \[m\].
+    arms: [Vector3; 2],
+    /// Velocity of a against b that the sheared box adds \[m/s\].
+    drift: Vector3,
+}
+
+/// An error is how far the two are out of the range of their forces \[m\].
+#[inline(always)]
+fn meet(
+    bodies: Bodies<'_>,
+    [i, j]: [usize; 2],
+    [range, scale]: [f64; 2],
+    images: &Images,
+) -> Result<Meeting, f64> {
+    let (a, mut b) = (bodies.ends(i), bodies.ends(j));
+    let image = images.beside(&a, &b);
+    b.iter_mut().for_each(|end| *end -= image.shift);
+    let radii = [bodies.radius(i), bodies.radius(j)];
+    let reach = radii[0] + radii[1];
+    let points = near_points(&a, &b, reach, range, scale)?;
+    let normal = if points.distance > 1e-12 * reach {
+        points.separation / points.distance
+    } else {
+        across(&(a[1] - a[0]), &(b[1] - b[0]))
+    };
+    let overlap = reach - points.distance;
+    // The contact point is in the middle of the overlap.
+    let arm = |radius: f64| normal * (radius - 0.5 * overlap);
+    let arms = [arm(radii[0]), -arm(radii[1])];
+    let at = [points.s, points.t];
+    let (velocity_a, spin_a, mass_a) = bodies.motion(i, at[0], &arms[0]);
+    let (velocity_b, spin_b, mass_b) = bodies.motion(j, at[1], &arms[1]);
+    let touch = Touch {
+        normal,
+        overlap,
+        velocity: velocity_a - velocity_b + image.velocity,
+        spin: 0.5 * (spin_a + spin_b),
+        mass: 1.0 / (compliance(at[0], mass_a) + compliance(at[1], mass_b)),
+        share: share(&points),
+        rub_share: 1.0,
+        facing: (range > 0.0).then(|| Facing::axes(&a, &b, radii)),
+    };
+    Ok(Meeting {
+        touch,
+        at,
+        arms,
+        drift: image.velocity,
+    })
 }
 
 /// Pairs of each owned segment, ascending, as pair << 1 | side.

@@ -4,6 +4,7 @@ use crate::Vector3;
 use crate::contact::broad::{Found, search};
 use crate::contact::images::Images;
 use crate::contact::law::Law;
+use crate::contact::linear::Sway;
 use crate::contact::loads::Loads;
 use crate::contact::pairs::{Bodies, Ghost, Pairs};
 use crate::contact::springs::{FrictionRecord, carry};
@@ -27,6 +28,8 @@ pub struct ContactSystem {
     ghosts: Vec<Ghost>,
     loads: Loads,
     walls: WallContacts,
+    /// Displacements of owned and foreign segments for the implicit integrator.
+    sway: Vec<Sway>,
     /// Springs of a checkpoint that no pair has taken yet.
     pending: Vec<FrictionRecord>,
     /// Since the box was upright and the walls were where the settings put them \[s\].
@@ -103,6 +106,7 @@ impl ContactSystem {
             halo: Halo::none(communicator, 0),
             ghosts: Vec::new(),
             loads: Loads::default(),
+            sway: Vec::new(),
             pending: Vec::new(),
             time: 0.0,
             load_step: 0.0,
@@ -218,12 +222,7 @@ impl ContactSystem {
     /// last [`ContactSystem::update`].
     pub fn forces(&mut self, segments: &Segments<'_>, dt: f64) {
         debug_assert_eq!(segments.count(), self.loads.count());
-        if !self.ghosts.is_empty() {
-            let owned = &mut self.ghosts[..segments.count()];
-            let filled = owned.par_iter_mut().enumerate();
-            filled.for_each(|(i, ghost)| *ghost = Ghost::of(segments, i));
-            self.halo.update(&mut self.ghosts);
-        }
+        self.share(segments);
         self.book(segments);
         self.load_step = dt;
         self.loads.clear();
@@ -249,6 +248,16 @@ impl ContactSystem {
     fn book(&mut self, segments: &Segments<'_>) {
         let power = self.loads.drag_power(segments);
         self.totals.dissipated -= 0.5 * self.load_step * power;
+    }
+
+    /// Tells other ranks how the segments move.
+    fn share(&mut self, segments: &Segments<'_>) {
+        if !self.ghosts.is_empty() {
+            let owned = &mut self.ghosts[..segments.count()];
+            let filled = owned.par_iter_mut().enumerate();
+            filled.for_each(|(i, ghost)| *ghost = Ghost::of(segments, i));
+            self.halo.update(&mut self.ghosts);
+        }
     }
 
     /// Load on an owned segment by the last [`ContactSystem::forces`]; `None` when nothing acts on it.
@@ -382,6 +391,8 @@ impl ContactSystem {
         all.filter(|r| r.spring != [0.0; 3]).collect()
     }
 }
+
+mod joint;
 
 #[cfg(test)]
 mod tests;

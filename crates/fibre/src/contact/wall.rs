@@ -3,6 +3,7 @@
 use crate::contact::facets::{Facets, Flaw, Near};
 use crate::contact::far::Facing;
 use crate::contact::law::{Law, Touch};
+use crate::contact::linear::{Linear, Passed, Sway};
 use crate::contact::loads::Loads;
 use crate::contact::{ContactError, Segments};
 use crate::{PeriodicBox, Vector3};
@@ -117,6 +118,8 @@ pub(super) struct WallContacts {
     candidates: Vec<Candidate>,
     /// Candidates of a segment with one wall.
     groups: Vec<std::ops::Range<u32>>,
+    /// Contacts in the implicit integrator's present iteration.
+    linear: Vec<Joined>,
     scratch: Scratch,
 }
 
@@ -164,6 +167,27 @@ struct Scratch {
     near: Vec<Option<Near>>,
 }
 
+/// A contact in the implicit integrator's present iteration.
+#[derive(Clone, Debug)]
+struct Joined {
+    candidate: u32,
+    slot: u32,
+    contact: Linear,
+    /// Velocity of the wall's surface \[m/s\].
+    surface: Vector3,
+}
+
+/// How a segment meets an item of a wall.
+struct Meeting {
+    touch: Touch,
+    /// Place on the segment's axis.
+    at: f64,
+    /// Lever to the contact \[m\].
+    arm: Vector3,
+    /// Velocity of the wall's surface \[m/s\].
+    surface: Vector3,
+}
+
 /// What the walls did in the last step.
 #[derive(Clone, Debug, Default)]
 pub(super) struct WallTotals {
@@ -175,6 +199,20 @@ pub(super) struct WallTotals {
     pub work: f64,
     /// Force of the fibres on each wall \[N\].
     pub force: Vec<Vector3>,
+}
+
+impl WallTotals {
+    /// Clears all but the work.
+    fn restart(&mut self, walls: usize) {
+        let work = self.work;
+        *self = Self {
+            work,
+            force: std::mem::take(&mut self.force),
+            ..Self::default()
+        };
+        self.force.clear();
+        self.force.resize(walls, Vector3::zeros());
+    }
 }
 
 impl WallContacts {
@@ -267,14 +305,7 @@ impl WallContacts {
         loads: &mut Loads,
         totals: &mut WallTotals,
     ) {
-        let work = totals.work;
-        *totals = WallTotals {
-            work,
-            force: std::mem::take(&mut totals.force),
-            ..WallTotals::default()
-        };
-        totals.force.clear();
-        totals.force.resize(self.walls.len(), Vector3::zeros());
+        totals.restart(self.walls.len());
         for group in &self.groups {
             let group = &mut self.candidates[group.start as usize..group.end as usize];
             let wall = &self.walls[group[0].wall as usize];
@@ -296,6 +327,95 @@ impl WallContacts {
         }
     }
 
+    /// As [`WallContacts::forces`] at the end of a step of length `dt` in which the segments swayed, without any change
+    /// of springs and totals: these follow with [`WallContacts::commit`].
+    pub fn linearise(
+        &mut self,
+        segments: &Segments<'_>,
+        law: &Law,
+        sway: &[Sway],
+        time: f64,
+        dt: f64,
+        loads: &mut Loads,
+    ) {
+        self.linear.clear();
+        for group in &self.groups {
+            let first = group.start;
+            let group = &self.candidates[group.start as usize..group.end as usize];
+            let wall = &self.walls[group[0].wall as usize];
+            let i = group[0].segment as usize;
+            let step = Step {
+                segments,
+                law,
+                dt,
+                moved: wall.velocity * time,
+            };
+            for slot in 0..2 {
+                wall.touch(group, &step, slot, &mut self.scratch);
+                for (k, (candidate, near)) in group.iter().zip(&self.scratch.near).enumerate() {
+                    let Some(meeting) = step.meet(wall, i, near.as_ref()) else {
+                        continue;
+                    };
+                    let Meeting {
+                        touch,
+                        at,
+                        arm,
+                        surface,
+                    } = meeting;
+                    let passed = Passed {
+                        slip: sway[i].at(at, &arm) - surface * dt,
+                        time: dt,
+                    };
+                    let linear = Linear {
+                        at: [at, 0.0],
+                        arms: [arm, Vector3::zeros()],
+                        ..law.linearise(&touch, &passed, &candidate.springs[slot])
+                    };
+                    linear.load(0, &linear.force, &mut loads.at(i).load);
+                    self.linear.push(Joined {
+                        candidate: first + k as u32,
+                        slot: slot as u32,
+                        contact: linear,
+                        surface,
+                    });
+                }
+            }
+        }
+    }
+
+    /// Adds what the loads of [`WallContacts::linearise`] change by with `sway`.
+    pub fn add_change(&self, sway: &[Sway], loads: &mut Loads) {
+        for joined in &self.linear {
+            let linear = &joined.contact;
+            let i = self.candidates[joined.candidate as usize].segment as usize;
+            let own = sway[i].at(linear.at[0], &linear.arms[0]);
+            linear.load(0, &(linear.stiffness * -own), &mut loads.at(i).load);
+        }
+    }
+
+    /// Takes the contacts of [`WallContacts::linearise`] for those of a finished step of length `dt`.
+    pub fn commit(&mut self, law: &Law, dt: f64, totals: &mut WallTotals) {
+        totals.restart(self.walls.len());
+        for candidate in &mut self.candidates {
+            candidate.springs = [Vector3::zeros(); 2];
+            candidate.overlap = 0.0;
+            candidate.far_stiffness = 0.0;
+        }
+        for joined in &self.linear {
+            let linear = &joined.contact;
+            let candidate = &mut self.candidates[joined.candidate as usize];
+            let wall = candidate.wall as usize;
+            candidate.springs[joined.slot as usize] = linear.spring;
+            candidate.overlap = candidate.overlap.max(linear.overlap);
+            totals.contacts += usize::from(linear.overlap > -law.far.contact_gap());
+            totals.max_overlap = totals.max_overlap.max(linear.overlap);
+            totals.stored += linear.stored;
+            totals.dissipated += linear.dissipated;
+            totals.work += linear.force.dot(&joined.surface) * dt;
+            totals.force[wall] -= linear.force;
+        }
+    }
+
     /// (segment, bound of the stiffness of forces at a distance, whether it touches) of each candidate.
     pub fn stiffness(&self) -> impl Iterator<Item = (usize, f64, bool)> {
         let each = |c: &Candidate| (c.segment as usize, c.far_stiffness, c.overlap > 0.0);
@@ -313,6 +433,48 @@ struct Step<'a> {
 }
 
 impl Step<'_> {
+    /// How a segment meets an item of the wall; none out of range.
+    fn meet(&self, wall: &Checked, segment: usize, near: Option<&Near>) -> Option<Meeting> {
+        let Self { segments, law, .. } = self;
+        let (i, near) = (segment, near?);
+        let radius = segments.radius[i];
+        let overlap = radius - near.height;
+        if overlap <= -law.far.range() || near.height <= -wall.depth(radius) {
+            return None;
+        }
+        let inside = near.at > 0.0 && near.at < 1.0;
+        let share = if inside { 1.0 } else { 0.5 };
+        let arm = -near.normal * (radius - overlap.max(0.0));
+        let spin = segments.spin(i);
+        let [first, second] = segments.end_velocities(i);
+        let velocity = first + (second - first) * near.at + spin.cross(&arm);
+        let [start, end] = segments.ends(i);
+        let length = (end - start).norm();
+        let place = start + (end - start) * near.at + arm;
+        let surface = wall.velocity + wall.motion.at(&place);
+        let touch = Touch {
+            normal: -near.normal,
+            overlap,
+            velocity: velocity - surface,
+            spin: 0.5 * spin,
+            mass: if inside {
+                let (a, b) = (1.0 - near.at, near.at);
+                0.5 * segments.mass[i] / (a * a + b * b)
+            } else {
+                0.5 * segments.mass[i]
+            },
+            share,
+            rub_share: share,
+            facing: (law.far.range() > 0.0).then(|| Facing::plane(radius, length)),
+        };
+        Some(Meeting {
+            touch,
+            at: near.at,
+            arm,
+            surface,
+        })
+    }
+
     /// Forces of one slot of a segment: its ends, or the inside with edges.
     fn press(
         &self,
@@ -323,50 +485,24 @@ impl Step<'_> {
         loads: &mut Loads,
         totals: &mut WallTotals,
     ) {
-        let Self {
-            segments, law, dt, ..
-        } = self;
+        let Self { law, dt, .. } = self;
         let i = group[0].segment as usize;
-        let radius = segments.radius[i];
         for (candidate, near) in group.iter_mut().zip(near) {
-            let within = |near: &&Near| {
-                let overlap = radius - near.height;
-                overlap > -law.far.range() && near.height > -wall.depth(radius)
-            };
-            let Some(near) = near.as_ref().filter(within) else {
+            let Some(meeting) = self.meet(wall, i, near.as_ref()) else {
                 candidate.springs[slot] = Vector3::zeros();
                 continue;
             };
-            let overlap = radius - near.height;
-            let inside = near.at > 0.0 && near.at < 1.0;
-            let share = if inside { 1.0 } else { 0.5 };
-            let arm = -near.normal * (radius - overlap.max(0.0));
-            let spin = segments.spin(i);
-            let [first, second] = segments.end_velocities(i);
-            let velocity = first + (second - first) * near.at + spin.cross(&arm);
-            let [start, end] = segments.ends(i);
-            let length = (end - start).norm();
-            let place = start + (end - start) * near.at + arm;
-            let surface = wall.velocity + wall.motion.at(&place);
-            let touch = Touch {
-                normal: -near.normal,
-                overlap,
-                velocity: velocity - surface,
-                spin: 0.5 * spin,
-                mass: if inside {
-                    let (a, b) = (1.0 - near.at, near.at);
-                    0.5 * segments.mass[i] / (a * a + b * b)
-                } else {
-                    0.5 * segments.mass[i]
-                },
-                share,
-                rub_share: share,
-                facing: (law.far.range() > 0.0).then(|| Facing::plane(radius, length)),
-            };
+            let Meeting {
+                touch,
+                at,
+                arm,
+                surface,
+            } = meeting;
+            let overlap = touch.overlap;
             let response = law.respond(&touch, &mut candidate.springs[slot], *dt);
             let acting = loads.at(i);
-            acting.load.add(&response.force, near.at, &arm);
-            acting.drag.add(&response.drag, near.at, &arm);
+            acting.load.add(&response.force, at, &arm);
+            acting.drag.add(&response.drag, at, &arm);
             candidate.overlap = candidate.overlap.max(overlap);
             candidate.far_stiffness += response.far_stiffness;
             totals.contacts += usize::from(overlap > -law.far.contact_gap());

@@ -14,9 +14,11 @@
 //! block-tridiagonal, 6×6 a node.
 
 mod blocks;
+mod joint;
 mod rigid;
 mod stage;
 
+pub(crate) use joint::{Joint, Parties};
 pub(crate) use rigid::Body;
 
 use crate::integrate::{Batch, Flow};
@@ -139,6 +141,8 @@ struct Action<'a> {
     model: &'a Model,
     flow: Option<Flow<'a>>,
     settings: &'a ImplicitSettings,
+    /// The matrix is made symmetric, for conjugate gradients over fibres that touch.
+    symmetric: bool,
 }
 
 impl Batch<'_> {
@@ -154,6 +158,7 @@ impl Batch<'_> {
             model,
             flow,
             settings,
+            symmetric: false,
         };
         WORKSPACE.with_borrow_mut(|work| {
             work.resize(self.position.len());
@@ -184,6 +189,7 @@ impl Batch<'_> {
                 linear: false,
                 tolerance: f64::INFINITY,
             },
+            symmetric: false,
         };
         if k == 0 {
             self.reaction_force.fill(Vector3::zeros());

@@ -102,7 +102,13 @@ impl Batch<'_> {
     }
 
     /// Moves the nodes by `part` of `work.rhs`.
-    fn change(&mut self, nodes: &[NodeConstants], work: &Workspace, tau: f64, part: f64) {
+    pub(super) fn change(
+        &mut self,
+        nodes: &[NodeConstants],
+        work: &Workspace,
+        tau: f64,
+        part: f64,
+    ) {
         for (i, node) in nodes.iter().enumerate() {
             let change = work.rhs[i] * part;
             if !node.holds_translation {
@@ -119,7 +125,13 @@ impl Batch<'_> {
     }
 
     /// Residual forces and torques in `work.rhs`, and minus their derivatives in `work.rows`.
-    fn assemble(&mut self, action: &Action, work: &mut Workspace, tau: f64, moment: f64) {
+    pub(super) fn assemble(
+        &mut self,
+        action: &Action,
+        work: &mut Workspace,
+        tau: f64,
+        moment: f64,
+    ) {
         let model = action.model;
         let fibre = self.fibres.start;
         let range = model.node_range(fibre);
@@ -127,9 +139,10 @@ impl Batch<'_> {
             let (node, given, base) = (&model.nodes[n], &model.loads[n], &work.base[i]);
             let momentum = node.spin(&self.orientation[i], &self.angular_velocity[i]);
             let inertia = (self.velocity[i] - base.velocity) * (node.mass / tau);
+            let load = &self.load[i];
             work.rhs[i] = stacked(
-                &(given.force + node.weight - inertia),
-                &(given.torque - (momentum - base.spin) / tau),
+                &(given.force + node.weight + load.force - inertia),
+                &(given.torque + load.torque - (momentum - base.spin) / tau),
             );
             let turning = node.spin_change(&self.orientation[i], &self.angular_velocity[i], tau);
             let slow = [
@@ -143,6 +156,9 @@ impl Batch<'_> {
         }
         self.add_segments(action, work, tau);
         self.add_drag(action, work, tau, moment);
+        if action.symmetric {
+            symmetrise(&mut work.rows);
+        }
         for (i, node) in model.nodes[model.node_range(fibre)].iter().enumerate() {
             for (held, first) in [(node.holds_translation, 0), (node.holds_rotation, 3)] {
                 if held {
@@ -165,7 +181,10 @@ impl Batch<'_> {
                 orientation: &self.orientation[i],
             };
             let (start, end) = (pose(i), pose(i + 1));
-            let (mut force, stiffness) = segment.elastic_stiffness(start, end);
+            let (mut force, mut stiffness) = segment.elastic_stiffness(start, end);
+            if action.symmetric {
+                stiffness.dd -= segment.compression(start, end);
+            }
             add_stiffness(&mut work.rows[i..i + 2], &stiffness, 1.0);
             if viscous {
                 let motion = |i: usize| EndMotion {
@@ -428,7 +447,7 @@ impl Point {
 impl NodeConstants {
     /// Angular momentum of the node's own rotation.
     #[inline(always)]
-    fn spin(&self, q: &Quaternion, w: &Vector3) -> Vector3 {
+    pub(super) fn spin(&self, q: &Quaternion, w: &Vector3) -> Vector3 {
         let t = tangent(q);
         let excess = self.axial_inertia - self.transverse_inertia;
         w * self.transverse_inertia + t * (excess * w.dot(&t))
@@ -448,7 +467,7 @@ impl NodeConstants {
     }
 }
 
-fn stacked(force: &Vector3, torque: &Vector3) -> Vector6<f64> {
+pub(super) fn stacked(force: &Vector3, torque: &Vector3) -> Vector6<f64> {
     Vector6::new(force.x, force.y, force.z, torque.x, torque.y, torque.z)
 }
 
@@ -473,6 +492,19 @@ fn add_stiffness(rows: &mut [Row], k: &SegmentStiffness, factor: f64) {
         add(block, 0, 3, &parts[1]);
         add(block, 3, 0, &parts[2]);
         add(block, 3, 3, &parts[3]);
+    }
+}
+
+/// Leaves out the small part that is not symmetric: of drag, of gyroscopic terms, and of rotations out of equilibrium.
+fn symmetrise(rows: &mut [Row]) {
+    for i in 0..rows.len() {
+        let diagonal = rows[i].diagonal;
+        rows[i].diagonal = (diagonal + diagonal.transpose()) * 0.5;
+        if i + 1 < rows.len() {
+            let upper = (rows[i].upper + rows[i + 1].lower.transpose()) * 0.5;
+            rows[i].upper = upper;
+            rows[i + 1].lower = upper.transpose();
+        }
     }
 }
 

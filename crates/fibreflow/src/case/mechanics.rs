@@ -41,6 +41,6 @@ pub enum IntegratorKind {
     Auto,
     /// Position Verlet in sub-steps below the critical one; drag implicit.
     Explicit,
-    /// Second-order, L-stable, with the exact tangent of beam and drag.
+    /// Second-order, L-stable, with the exact tangent of beam and drag; of first order where the case has contacts.
     Implicit,
 }
