@@ -130,7 +130,8 @@ def flexure(options):
 
         # The implicit ones by the length of their steps instead of that of their segments.
         steps = (1e-4, 5e-5, 2e-5, 1e-5)
-        peers = [("ours, explicit", ours("explicit", scenes.SAMPLE), (8, 16, 32))]
+        # The flow is linear within a step: a fifth of the fluid's keeps that error out.
+        peers = [("ours, explicit", ours("explicit", scenes.SAMPLE / 5), (8, 16, 32))]
         for step in steps[:1] if options.quick else steps:
             peers.append(("ours, implicit", ours("implicit", step), (32,)))
         peers.append(("ours, implicit, error control", ours("1e-3", scenes.SAMPLE), (32,)))
