@@ -8,7 +8,7 @@
 use crate::PairMatrix;
 
 /// A row is stiff whose largest coupling exceeds the median of its neighbours' largest ones by this factor.
-const STIFF: f64 = 4.0;
+const STIFF: f64 = 2.5;
 
 /// Stiff rows are tied by couplings from this fraction of the largest one of either.
 const TIED: f64 = 0.25;
