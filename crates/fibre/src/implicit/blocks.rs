@@ -1,5 +1,7 @@
 //! Direct solution of block-tridiagonal systems with 6×6 blocks (three of position, three of rotation a node) in O(N).
 
+use crate::Matrix3;
+use crate::beam::SegmentStiffness;
 use nalgebra::{Matrix6, Vector6};
 
 /// One block row; [`factor`] replaces `diagonal` by the inverse pivot and `upper` by inverse pivot × upper.
@@ -61,6 +63,53 @@ pub(super) fn solve(rows: &[Row], x: &mut [Vector6<f64>]) {
         *x -= row.upper * below;
         below = *x;
     }
+}
+
+pub(super) fn add(block: &mut Matrix6<f64>, row: usize, column: usize, part: &Matrix3) {
+    let mut view = block.fixed_view_mut::<3, 3>(row, column);
+    view += part;
+}
+
+/// Adds a segment's tangent to the rows of its two nodes.
+pub(super) fn add_stiffness(rows: &mut [Row], k: &SegmentStiffness, factor: f64) {
+    let (dd, da, db) = (k.dd * factor, k.da * factor, k.db * factor);
+    let (ad, bd) = (da.transpose(), db.transpose());
+    let (aa, ab, bb) = (k.aa * factor, k.ab * factor, k.bb * factor);
+    let [first, second] = rows else { return };
+    for (block, parts) in [
+        (&mut first.diagonal, [dd, -da, -ad, aa]),
+        (&mut first.upper, [-dd, -db, ad, ab]),
+        (&mut second.lower, [-dd, da, -bd, ab.transpose()]),
+        (&mut second.diagonal, [dd, db, bd, bb]),
+    ] {
+        add(block, 0, 0, &parts[0]);
+        add(block, 0, 3, &parts[1]);
+        add(block, 3, 0, &parts[2]);
+        add(block, 3, 3, &parts[3]);
+    }
+}
+
+/// Leaves out the small part that is not symmetric: of drag, of gyroscopic terms, and of rotations out of equilibrium.
+pub(super) fn symmetrise(rows: &mut [Row]) {
+    for i in 0..rows.len() {
+        let diagonal = rows[i].diagonal;
+        rows[i].diagonal = (diagonal + diagonal.transpose()) * 0.5;
+        if i + 1 < rows.len() {
+            let upper = (rows[i].upper + rows[i + 1].lower.transpose()) * 0.5;
+            rows[i].upper = upper;
+            rows[i + 1].lower = upper.transpose();
+        }
+    }
+}
+
+/// Keeps three unknowns of a node as they are.
+pub(super) fn hold(row: &mut Row, rhs: &mut Vector6<f64>, first: usize) {
+    rhs.fixed_rows_mut::<3>(first).fill(0.0);
+    for block in [&mut row.lower, &mut row.diagonal, &mut row.upper] {
+        block.fixed_rows_mut::<3>(first).fill(0.0);
+    }
+    let mut diagonal = row.diagonal.fixed_view_mut::<3, 3>(first, first);
+    diagonal.fill_with_identity();
 }
 
 #[cfg(test)]

@@ -7,7 +7,8 @@
 //! A step of the iteration is cut so that no centre line can reach another on its way; where the iteration does not
 //! end, the sub-step is halved. A leaves out how compression softens a beam, which keeps it positive.
 
-use super::stage::{rotation_between, stacked, turned};
+use super::rotation::{rotation_between, turned};
+use super::stage::stacked;
 use super::{Action, Base, Done, Entry, ImplicitSettings, Workspace};
 use crate::contact::ContactSystem;
 use crate::integrate::{Batch, Flow};

@@ -15,7 +15,9 @@
 
 mod blocks;
 mod joint;
+mod point;
 mod rigid;
+mod rotation;
 mod stage;
 
 pub(crate) use joint::{Joint, Parties};

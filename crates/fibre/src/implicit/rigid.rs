@@ -4,7 +4,8 @@
 //! nodes (mass centre, mean velocity, frame and angular velocity of the first node) and written back to all of them, so
 //! that everything else sees a fibre like any other, and no shape error gathers.
 
-use super::stage::{Point, rotation_between, turned};
+use super::point::Point;
+use super::rotation::{rotation_between, turned};
 use super::{Action, Done, GAMMA, MOST_SUB_STEPS};
 use crate::beam::{Segment, tangent};
 use crate::hydrodynamics::DragModel;

@@ -1,15 +1,15 @@
 //! One sub-step of one fibre: two stages, their equations and their solution.
 
-use super::blocks::{Row, factor, solve};
+use super::blocks::{Row, add, add_stiffness, factor, hold, solve, symmetrise};
+use super::rotation::{rotation_between, turned};
 use super::{Action, Base, GAMMA, Workspace};
-use crate::beam::{Motion as EndMotion, Pose, SegmentForce, SegmentStiffness, tangent};
-use crate::drag::{Hydrodynamics, tensor};
-use crate::hydrodynamics::{DragModel, Resistance, Section, spin};
+use crate::beam::{Motion as EndMotion, Pose, SegmentForce, tangent};
+use crate::drag::tensor;
+use crate::hydrodynamics::DragModel;
 use crate::integrate::{Batch, Flow};
-use crate::points::abscissa;
 use crate::system::NodeConstants;
 use crate::{Matrix3, Quaternion, Vector3};
-use nalgebra::{Matrix6, Vector6};
+use nalgebra::Vector6;
 
 /// Change of a position over the segment length, or of a rotation, at which Newton's iteration stops. The last change is
 /// made, so that the error left is about its square.
@@ -265,62 +265,6 @@ impl Batch<'_> {
         self.reaction_torque = torque;
     }
 
-    /// Calls `visit(segment, point, …)` for the hydrodynamic points of the fibre, in the flow at `moment` of the step.
-    pub(super) fn for_points(
-        &self,
-        action: &Action,
-        moment: f64,
-        mut visit: impl FnMut(usize, usize, &Point),
-    ) {
-        let Some(flow) = action.flow else { return };
-        let law = flow.law;
-        let model = action.model;
-        let constants = &model.fibres[self.fibres.start];
-        let section = Section {
-            diameter: 2.0 * constants.material.radius,
-            fibre_length: constants.length,
-        };
-        let segments = model.segment_range(self.fibres.start);
-        let first = model.points[segments.start];
-        for (i, s) in segments.enumerate() {
-            let range = model.points[s]..model.points[s + 1];
-            let count = range.len();
-            let span = self.position[i + 1] - self.position[i];
-            let length = span.norm();
-            let t = span / length;
-            for (k, p) in range.enumerate() {
-                let xi = abscissa(k, count);
-                let (velocity, gradient) = match flow.formula {
-                    Some(formula) => formula(&(self.position[i] + span * xi), moment),
-                    None => (
-                        flow.ambient.velocity_at(p, moment),
-                        flow.ambient.gradient[p],
-                    ),
-                };
-                let slip = velocity - self.velocity[i] * (1.0 - xi) - self.velocity[i + 1] * xi;
-                let torque = law.torque.torque(&t, &gradient, &section, &law.fluid);
-                let point = Point {
-                    xi,
-                    weight: model.segments[s].rest_length / count as f64,
-                    tangent: t,
-                    length,
-                    slip,
-                    spin: spin(&gradient),
-                    steepness: flow.formula.map_or_else(Matrix3::zeros, |_| gradient),
-                    angular_velocity: [self.angular_velocity[i], self.angular_velocity[i + 1]],
-                    drag: law.drag.resistance(&t, &slip, &section, &law.fluid),
-                    spin_drag: Resistance {
-                        normal: torque.resistance_normal,
-                        axial: torque.resistance_axial,
-                    },
-                    strain_torque: torque.strain_torque,
-                    section,
-                };
-                visit(i, p - first, &point);
-            }
-        }
-    }
-
     /// Largest estimated error of a position \[m\]: the difference to the third-order quadrature of
     /// the velocities at 0, γ and 1, without its stiff part as A⁻¹ (inertia + drag) takes it away (Shampine 1984).
     fn error(&self, action: &Action, work: &mut Workspace, h: f64) -> f64 {
@@ -358,92 +302,6 @@ impl Batch<'_> {
     }
 }
 
-/// A hydrodynamic point in the present state.
-pub(super) struct Point {
-    pub xi: f64,
-    pub weight: f64,
-    tangent: Vector3,
-    length: f64,
-    slip: Vector3,
-    /// Ω of the flow.
-    pub spin: Vector3,
-    /// Gradient of a flow that is followed in space.
-    steepness: Matrix3,
-    /// Of the two nodes.
-    angular_velocity: [Vector3; 2],
-    drag: Resistance,
-    spin_drag: Resistance,
-    pub strain_torque: Vector3,
-    section: Section,
-}
-
-/// How the change of the resistances with the normal slip adds to the derivatives of the drag per length.
-#[derive(Clone, Copy, Debug, Default)]
-struct Slope {
-    by_slip: Matrix3,
-    by_tangent: Matrix3,
-}
-
-impl Point {
-    /// Drag of the point's length \[N\].
-    pub fn force(&self) -> Vector3 {
-        self.drag.force(&self.tangent, &self.slip) * self.weight
-    }
-
-    /// Resistance to spin by length.
-    pub fn spin_tensor(&self) -> Matrix3 {
-        tensor(&self.spin_drag, &self.tangent)
-    }
-
-    /// Minus the derivative of the drag by a displacement of the point that ends a stage of `tau`; and its derivative by
-    /// the span x_b − x_a of the point's segment.
-    pub fn derivatives(
-        &self,
-        law: &Hydrodynamics,
-        nonlinear: bool,
-        tau: f64,
-    ) -> (Matrix3, Matrix3) {
-        let slope = if nonlinear {
-            self.slope(law.drag, &law.fluid)
-        } else {
-            Slope::default()
-        };
-        let z = tensor(&self.drag, &self.tangent);
-        let rate = Matrix3::identity() / tau - self.steepness;
-        let by_slip = (z + slope.by_slip) * rate * self.weight;
-        (by_slip, self.by_span(&slope) * self.weight)
-    }
-
-    fn slope(&self, drag: DragModel, fluid: &crate::hydrodynamics::FluidProperties) -> Slope {
-        // Relative change of the normal slip in the difference quotient: a matrix for Newton needs no more digits.
-        const CHANGE: f64 = 1e-4;
-        let t = &self.tangent;
-        let along = t.dot(&self.slip);
-        let normal = self.slip - t * along;
-        let square = normal.norm_squared();
-        if square == 0.0 {
-            return Slope::default();
-        }
-        let faster = self.slip + normal * CHANGE;
-        let changed = drag.resistance(t, &faster, &self.section, fluid);
-        let by_speed = normal * (changed.normal - self.drag.normal)
-            + t * (along * (changed.axial - self.drag.axial));
-        let by_slip = by_speed * normal.transpose() / (CHANGE * square);
-        Slope {
-            by_slip,
-            by_tangent: by_slip * -along,
-        }
-    }
-
-    /// Derivative of the drag per length by the span x_b − x_a through the tangent.
-    fn by_span(&self, slope: &Slope) -> Matrix3 {
-        let (t, s) = (&self.tangent, &self.slip);
-        let across = (Matrix3::identity() - t * t.transpose()) / self.length;
-        let turning = Matrix3::from_diagonal_element(t.dot(s)) + t * s.transpose();
-        (turning * (self.drag.axial - self.drag.normal) + slope.by_tangent) * across
-    }
-}
-
 impl NodeConstants {
     /// Angular momentum of the node's own rotation.
     #[inline(always)]
@@ -469,79 +327,4 @@ impl NodeConstants {
 
 pub(super) fn stacked(force: &Vector3, torque: &Vector3) -> Vector6<f64> {
     Vector6::new(force.x, force.y, force.z, torque.x, torque.y, torque.z)
-}
-
-fn add(block: &mut Matrix6<f64>, row: usize, column: usize, part: &Matrix3) {
-    let mut view = block.fixed_view_mut::<3, 3>(row, column);
-    view += part;
-}
-
-/// Adds a segment's tangent to the rows of its two nodes.
-fn add_stiffness(rows: &mut [Row], k: &SegmentStiffness, factor: f64) {
-    let (dd, da, db) = (k.dd * factor, k.da * factor, k.db * factor);
-    let (ad, bd) = (da.transpose(), db.transpose());
-    let (aa, ab, bb) = (k.aa * factor, k.ab * factor, k.bb * factor);
-    let [first, second] = rows else { return };
-    for (block, parts) in [
-        (&mut first.diagonal, [dd, -da, -ad, aa]),
-        (&mut first.upper, [-dd, -db, ad, ab]),
-        (&mut second.lower, [-dd, da, -bd, ab.transpose()]),
-        (&mut second.diagonal, [dd, db, bd, bb]),
-    ] {
-        add(block, 0, 0, &parts[0]);
-        add(block, 0, 3, &parts[1]);
-        add(block, 3, 0, &parts[2]);
-        add(block, 3, 3, &parts[3]);
-    }
-}
-
-/// Leaves out the small part that is not symmetric: of drag, of gyroscopic terms, and of rotations out of equilibrium.
-fn symmetrise(rows: &mut [Row]) {
-    for i in 0..rows.len() {
-        let diagonal = rows[i].diagonal;
-        rows[i].diagonal = (diagonal + diagonal.transpose()) * 0.5;
-        if i + 1 < rows.len() {
-            let upper = (rows[i].upper + rows[i + 1].lower.transpose()) * 0.5;
-            rows[i].upper = upper;
-            rows[i + 1].lower = upper.transpose();
-        }
-    }
-}
-
-/// Keeps three unknowns of a node as they are.
-fn hold(row: &mut Row, rhs: &mut Vector6<f64>, first: usize) {
-    rhs.fixed_rows_mut::<3>(first).fill(0.0);
-    for block in [&mut row.lower, &mut row.diagonal, &mut row.upper] {
-        block.fixed_rows_mut::<3>(first).fill(0.0);
-    }
-    let mut diagonal = row.diagonal.fixed_view_mut::<3, 3>(first, first);
-    diagonal.fill_with_identity();
-}
-
-/// exp(θ) q
-#[inline(always)]
-pub(super) fn turned(q: &Quaternion, angle: &Vector3) -> Quaternion {
-    let square = 0.25 * angle.norm_squared();
-    let (cosine, sinc) = crate::integrate::half_turn(square);
-    let p = angle * (0.5 * sinc);
-    let turn = nalgebra::Quaternion::new(cosine, p.x, p.y, p.z);
-    let product = turn * q.as_ref();
-    // One Newton step for 1/√norm², which is 1 up to round-off.
-    let scale = 1.5 - 0.5 * product.norm_squared();
-    Quaternion::new_unchecked(product * scale)
-}
-
-/// θ of exp(θ) from = to, shorter than π.
-pub(super) fn rotation_between(from: &Quaternion, to: &Quaternion) -> Vector3 {
-    let turn = to.as_ref() * from.as_ref().conjugate();
-    let sine = turn.vector().norm();
-    // φ/2 over its sine, by the arc sine's series for small angles.
-    let square = sine * sine;
-    let ratio = if square < 1e-3 {
-        1.0 + square
-            * (1.0 / 6.0 + square * (3.0 / 40.0 + square * (5.0 / 112.0 + square * 35.0 / 1152.0)))
-    } else {
-        sine.atan2(turn.w.abs()) / sine
-    };
-    turn.vector() * (2.0 * ratio * turn.w.signum())
 }
