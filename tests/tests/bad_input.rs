@@ -479,3 +479,59 @@ fn every_rank_leaves_with_the_same_code_and_one_message() {
         ended.text
     );
 }
+
+/// The line placement of the case, to be replaced.
+const LINE: &str =
+    "placement = { kind = \"line\", start = [0.4, 0.5, 0.5], end = [0.6, 0.5, 0.5] }";
+
+#[test]
+fn a_population_for_which_there_is_no_room() {
+    // Fibres across the channel that are longer than it is high.
+    let upright = "[[fibres]]\nlength = 1.5\ndiameter = 0.01\nsegments = 4\nyoungs_modulus = 1e6\ndensity = 1000.0\nplacement = { kind = \"random\", count = 3, orientation = { kind = \"aligned\", direction = [0, 1, 0] } }";
+    let bench = bench(&format!("{CASE}\n{upright}\n"));
+    let wanted = [
+        "fibres[1].placement",
+        "there is room for 0 of 3 fibres",
+        "volume fraction 0.0000",
+        "shortfall",
+    ];
+    refused(&bench, &[], &wanted);
+    let accepted = ["--set", "fibres.1.placement.shortfall=accept"];
+    let ended = bench.run(1, "out", &accepted).expect("one rank");
+    assert!(ended.status.success(), "{}", ended.text);
+    let warned = ended.text.contains("there was no room for 3 of 3");
+    assert!(warned, "{}", ended.text);
+}
+
+#[test]
+fn impossible_distributions() {
+    let with = |placement: &str, length: &str| {
+        let random = format!("placement = {{ kind = \"random\", count = 2{placement} }}");
+        changed(LINE, &format!("length = {length}\n{random}"))
+    };
+    let tensor =
+        ", orientation = { kind = \"tensor\", tensor = [[1, 0, 0], [0, 1, 0], [0, 0, 0]] }";
+    refused(
+        &with(tensor, "0.1"),
+        &[],
+        &["fibres[0].placement", "trace is not 1"],
+    );
+    let normal = "{ kind = \"normal\", mean = 0.1, deviation = 0.02, min = 0.2, max = 0.1 }";
+    refused(
+        &with("", normal),
+        &[],
+        &["fibres[0].length", "length is 0.1", "above its smallest"],
+    );
+    refused(
+        &with("", "{ kind = \"file\", file = \"lengths.csv\" }"),
+        &[],
+        &["fibres[0].length.file = \"lengths.csv\"", "column value"],
+    );
+    refused(&with("", "-0.1"), &[], &["fibres[0].length = -0.1"]);
+    let pipe = ", region = { kind = \"pipe\", start = [0, 0.5, 0.5], axis = \"x\", radius = 0.6, length = 1 }";
+    refused(
+        &with(pipe, "0.1"),
+        &[],
+        &["fibres[0].placement.region", "lies outside"],
+    );
+}

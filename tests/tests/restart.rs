@@ -74,15 +74,14 @@ fn a_killed_run_goes_on_bit_by_bit(ranks: usize) -> Option<()> {
         "from step {saved} to {end}: {different:?}"
     );
 
-    let series = |name: &str| {
-        let path = bench.path(name).join("series/fibres.csv");
-        std::fs::read_to_string(path).expect("series")
-    };
-    assert_eq!(
-        series("killed"),
-        series("straight"),
-        "the series has a seam"
-    );
+    for file in ["orientation", "shape", "fibres"] {
+        let series = |name: &str| {
+            let path = bench.path(name).join(format!("series/{file}.csv"));
+            std::fs::read_to_string(path).expect("series")
+        };
+        let (killed, straight) = (series("killed"), series("straight"));
+        assert_eq!(killed, straight, "the series {file} has a seam");
+    }
     Some(())
 }
 

@@ -4,7 +4,7 @@
 
 use fibreflow_fibre::contact::{ContactSettings, NormalDamping, Wall};
 use fibreflow_fibre::placement::{
-    Amount, CentreLine, Orientation, PlacementDomain, PlacementSettings, place_random,
+    Amount, CentreLine, Orientation, PlacementGroup, Population, Quantity, Region, place,
 };
 use fibreflow_fibre::{
     Fibre, FibreSettings, FibreSystem, ImplicitSettings, Integrator, Material, PeriodicBox, Vector3,
@@ -82,23 +82,31 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// Fibres at rest between a floor and a ceiling that comes down.
 fn scene(height: f64, speed: f64, implicit: bool) -> Result<FibreSystem, Box<dyn Error>> {
     let size = Vector3::new(EDGE, EDGE, height);
-    let placed = place_random(&PlacementSettings {
+    let periodic = PeriodicBox {
+        origin: Vector3::zeros(),
+        lengths: [Some(EDGE), Some(EDGE), None],
+    };
+    let group = PlacementGroup {
         amount: Amount::Count(COUNT),
-        length: LENGTH,
+        length: Quantity::Constant(LENGTH),
         radius: RADIUS,
         centre_line: CentreLine::Straight,
         segments: SEGMENTS,
-        domain: PlacementDomain {
+        region: Region::Box {
             origin: Vector3::zeros(),
             size,
-            periodic: [true, true, false],
         },
-        wall_clearance: 0.0,
         gap: 0.0,
         orientation: Orientation::Isotropic,
         seed: 1,
-        max_attempts: 100_000,
+    };
+    let mut placed = place(&Population {
+        periodic,
+        groups: vec![group],
+        held: Vec::new(),
     })?;
+    let placed = placed.swap_remove(0);
+    placed.complete()?;
     let ceiling = Wall {
         velocity: -speed * Vector3::z(),
         ..Wall::plane(height * Vector3::z(), -Vector3::z())
@@ -107,10 +115,7 @@ fn scene(height: f64, speed: f64, implicit: bool) -> Result<FibreSystem, Box<dyn
         damping: NormalDamping::Ratio(0.3),
         friction: 0.3,
         walls: vec![Wall::plane(Vector3::zeros(), Vector3::z()), ceiling],
-        periodic: PeriodicBox {
-            origin: Vector3::zeros(),
-            lengths: [Some(EDGE), Some(EDGE), None],
-        },
+        periodic,
         count_crossings: true,
         ..ContactSettings::new(MODULUS * RADIUS, 0.5 * RADIUS)
     };
@@ -124,12 +129,12 @@ fn scene(height: f64, speed: f64, implicit: bool) -> Result<FibreSystem, Box<dyn
         },
         ..FibreSettings::default()
     };
-    let line = CentreLine::Straight.nodes(LENGTH, SEGMENTS);
     let material = Material::new(RADIUS, MODULUS, 0.3, 1.0);
-    let fibre = |(id, place): (usize, &fibreflow_fibre::placement::PlacedFibre)| {
-        let nodes = place.nodes(&line);
-        Fibre::straight(id as u64, material, nodes[0], nodes[SEGMENTS], SEGMENTS)
-    };
-    let fibres = placed.iter().enumerate().map(fibre).collect();
-    Ok(FibreSystem::new(Communicator::single(), settings, fibres)?)
+    let fibres = placed.fibres.into_iter().zip(0..);
+    let fibres = fibres.map(|(fibre, id)| Fibre::new(id, material, fibre.nodes));
+    Ok(FibreSystem::new(
+        Communicator::single(),
+        settings,
+        fibres.collect(),
+    )?)
 }

@@ -435,6 +435,9 @@ impl FibreSystem {
         if self.settings.hydrodynamics.is_none() && self.model.packed.is_empty() {
             self.model.packed = Packed::new(&self.model);
         }
+        if self.settings.budget {
+            self.open_accounts();
+        }
         let result = match self.touching.take() {
             None => self.run_apart(given, dt),
             Some(mut touching) => {
@@ -445,6 +448,9 @@ impl FibreSystem {
         };
         // Names the fibre when contacts only say that something is not finite.
         self.check_finite()?;
+        if self.settings.budget {
+            self.close_accounts(given.map(|(ambient, _)| ambient), dt);
+        }
         result
     }
 

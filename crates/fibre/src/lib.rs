@@ -27,7 +27,7 @@ mod touching;
 pub use drag::Hydrodynamics;
 pub use error::FibreError;
 pub use implicit::{ImplicitSettings, Integrator};
-pub use observe::Energy;
+pub use observe::{Budget, Energy, FOURTH, Histogram, OrientationMoments};
 pub use periodic::PeriodicBox;
 pub use points::{Ambient, FlowFormula, Points, Reaction};
 pub use shape::{Equilibrium, Fibre, Material, Support};

@@ -1,6 +1,7 @@
 //! The state of fibres as records of 64-bit words that any rank can read: for checkpoints and changes of owner.
 
 use crate::contact::FrictionRecord;
+use crate::observe::Account;
 use crate::shape::{Material, SEGMENT_BITS};
 use crate::system::Load;
 use crate::touching::Touching;
@@ -28,16 +29,29 @@ pub struct FibreState {
 
 const CONTACT_STEP: &str = "fibre.contact_step";
 const CONTACT_TIME: &str = "fibre.contact_time";
+const CONTACT_LOSS: &str = "fibre.contact_loss";
+const WALL_WORK: &str = "fibre.wall_work";
 
 impl FibreSystem {
     /// All that decides how the fibres of this rank move on, given the settings: a restored system continues bitwise.
+    /// Collective.
     pub fn state(&self) -> FibreState {
         let mut springs = self.contacts().map_or(Vec::new(), |c| c.records());
         springs.sort_unstable_by_key(|spring| (spring.a, spring.b));
         let touching = self.touching.as_ref();
         let step = touching.and_then(|t| t.critical_step);
         let time = touching.map(|t| t.contacts.time());
-        let scalars = [(CONTACT_STEP, step), (CONTACT_TIME, time)];
+        let [loss, work] = if self.settings.budget {
+            self.contact_works().map(Some)
+        } else {
+            [None; 2]
+        };
+        let scalars = [
+            (CONTACT_STEP, step),
+            (CONTACT_TIME, time),
+            (CONTACT_LOSS, loss),
+            (WALL_WORK, work),
+        ];
         FibreState {
             records: (0..self.fibres())
                 .map(|f| self.record(f, &springs))
@@ -54,13 +68,14 @@ impl FibreSystem {
     /// # Errors
     /// [`FibreError::Record`], [`FibreError::DuplicateId`]; the system then holds no fibres.
     pub fn restore(&mut self, state: FibreState) -> Result<(), FibreError> {
+        let scalar = |wanted: &str| {
+            let found = state.scalars.iter().find(|(name, _)| name == wanted);
+            found.map(|(_, value)| *value)
+        };
+        self.accounts.before = [CONTACT_LOSS, WALL_WORK].map(|name| scalar(name).unwrap_or(0.0));
         if let Some(settings) = &self.settings.contacts {
             let touching = Touching::new(settings.clone(), &self.communicator)?;
             let touching = self.touching.insert(touching);
-            let scalar = |wanted: &str| {
-                let found = state.scalars.iter().find(|(name, _)| name == wanted);
-                found.map(|(_, value)| *value)
-            };
             touching.critical_step = scalar(CONTACT_STEP);
             touching
                 .contacts
@@ -104,6 +119,7 @@ impl FibreSystem {
         let nodes = model.node_range(fibre);
         words.0.push(nodes.len() as u64);
         words.0.push(u64::from(constants.body.is_some()));
+        words.0.extend(self.accounts.fibres[fibre].to_words());
         let m = &constants.material;
         words.numbers(&[
             m.radius,
@@ -160,6 +176,7 @@ impl FibreSystem {
             return Err(reader.error("it has an impossible number of nodes"));
         }
         let rigid = reader.word()? != 0;
+        let account = Account::from_words(reader.word()?, reader.numbers()?);
         let [radius, youngs_modulus, shear_modulus, density, retardation] = reader.numbers()?;
         let material = Material {
             radius,
@@ -199,6 +216,9 @@ impl FibreSystem {
         self.push_constants(record.id, material, rigid, segments, &held);
         let first = self.model.loads.len() - nodes;
         self.model.loads[first..].copy_from_slice(&loads);
+        if let Some(last) = self.accounts.fibres.last_mut() {
+            *last = account;
+        }
         Ok(())
     }
 }

@@ -5,6 +5,7 @@ use crate::contact::{ContactSettings, ContactSystem};
 use crate::drag::{Hydrodynamics, NodeDrag, PointDrag};
 use crate::implicit::{Body, Integrator};
 use crate::lanes::Packed;
+use crate::observe::{Account, Accounts};
 use crate::points::{abscissa, point_count};
 use crate::shape::{Fibre, Material, SEGMENT_BITS, prepare};
 use crate::touching::Touching;
@@ -26,6 +27,8 @@ pub struct FibreSettings {
     pub integrator: Integrator,
     /// Explicit sub-step over critical step, in (0, 1).
     pub step_safety: f64,
+    /// Keeps the accounts of [`FibreSystem::budget`].
+    pub budget: bool,
 }
 
 impl Default for FibreSettings {
@@ -37,6 +40,7 @@ impl Default for FibreSettings {
             contacts: None,
             integrator: Integrator::default(),
             step_safety: 0.7,
+            budget: false,
         }
     }
 }
@@ -144,6 +148,7 @@ pub struct FibreSystem {
     pub(crate) touching: Option<Touching>,
     pub(crate) scratch: Scratch,
     pub(crate) reaction: Reaction,
+    pub(crate) accounts: Accounts,
     /// (sub-steps of the fibre with the most, segment sub-steps) of the last step.
     pub(crate) work: (usize, usize),
     /// Points and flow of [`FibreSystem::advance_in_flow`].
@@ -178,6 +183,7 @@ impl FibreSystem {
             motion: Motion::default(),
             scratch: Scratch::default(),
             reaction: Reaction::default(),
+            accounts: Accounts::default(),
             work: (0, 0),
             points: Points::default(),
             ambient: Ambient::default(),
@@ -193,6 +199,7 @@ impl FibreSystem {
     pub(crate) fn clear(&mut self) {
         self.model = Model::empty();
         self.motion = Motion::default();
+        self.accounts.fibres.clear();
     }
 
     fn push(&mut self, fibre: &Fibre) -> Result<(), FibreError> {
@@ -264,6 +271,7 @@ impl FibreSystem {
         }
         let first = self.model.nodes.len() - held.len();
         let explicit = 2.0 / frequency * ((1.0 + damping * damping).sqrt() - damping);
+        self.accounts.fibres.push(Account::default());
         self.model.fibres.push(FibreConstants {
             id,
             material,

@@ -1,7 +1,7 @@
 //! What is on and what is off in a run, with the number that decided it.
 
-use crate::case::{Case, CouplingMode, FibreGroup, IntegratorKind};
-use crate::scene::{Scene, is_rigid, length_of};
+use crate::case::{Case, CouplingMode, FibreGroup, IntegratorKind, Quantity};
+use crate::scene::{PlacementReport, Scene, is_rigid, length_of};
 use fibreflow_fibre::hydrodynamics::BUCKLING_FLEXIBILITY;
 use fibreflow_fibre::{FibreSettings, Integrator, Material};
 
@@ -69,20 +69,29 @@ pub fn describe(scene: &Scene, case: &Case) -> Vec<String> {
     }
     for (k, group) in case.fibres.iter().enumerate() {
         let area = std::f64::consts::PI * group.diameter * group.diameter / 4.0;
-        let stiffness = group.youngs_modulus * area * group.diameter * group.diameter / 16.0;
+        let moment = area * group.diameter * group.diameter / 16.0;
+        let Some(modulus) = group.youngs_modulus.nominal() else {
+            lines.push(format!("  group {k}: E from a file"));
+            continue;
+        };
+        let drawn = match &group.youngs_modulus {
+            Quantity::Constant(_) => "",
+            Quantity::Drawn(_) => " in the mean",
+        };
         lines.push(format!(
-            "  group {k}: EI = {stiffness:.3e} N·m², E = {:.3e} Pa, {}",
-            group.youngs_modulus,
-            kinematics(case, group)
+            "  group {k}: EI = {:.3e} N·m², E = {modulus:.3e} Pa{drawn}, {}",
+            modulus * moment,
+            kinematics(case, group, modulus)
         ));
     }
+    lines.extend(scene.placements.iter().map(placement));
     lines
 }
 
-fn kinematics(case: &Case, group: &FibreGroup) -> String {
+fn kinematics(case: &Case, group: &FibreGroup, modulus: f64) -> String {
     let material = Material::new(
         0.5 * group.diameter,
-        group.youngs_modulus,
+        modulus,
         group.poisson_ratio,
         group.density,
     );
@@ -95,4 +104,20 @@ fn kinematics(case: &Case, group: &FibreGroup) -> String {
             if rigid { "rigid" } else { "flexible" }
         ),
     }
+}
+
+fn placement(report: &PlacementReport) -> String {
+    let (k, [placed, wanted]) = (report.group, report.fibres);
+    let warning = if placed < wanted {
+        format!(
+            "; warning: there was no room for {} of {wanted}",
+            wanted - placed
+        )
+    } else {
+        String::new()
+    };
+    format!(
+        "  group {k}: {placed} placed at random, volume fraction {:.4}, ⟨pp⟩ within {:.3} of its target{warning}",
+        report.volume_fraction, report.orientation_error
+    )
 }

@@ -1,5 +1,7 @@
 //! Forms of a fibre's axis.
 
+use super::PlacementError;
+use super::error::check;
 use crate::Vector3;
 use std::f64::consts::PI;
 
@@ -19,6 +21,16 @@ pub enum CentreLine {
 }
 
 impl CentreLine {
+    pub(super) fn check(&self) -> Result<(), PlacementError> {
+        match self {
+            Self::Straight | Self::Nodes(_) => Ok(()),
+            Self::U { opening_angle } => {
+                let valid = (0.0..=PI).contains(opening_angle);
+                check(valid, "opening angle", *opening_angle, "between 0 and π")
+            }
+        }
+    }
+
     /// The nodes of `segments` segments of equal length \[m\].
     pub fn nodes(&self, length: f64, segments: usize) -> Vec<Vector3> {
         let nodes = match self {

@@ -1,41 +1,79 @@
-//! Random fibres that do not overlap.
+//! Random fibres that do not overlap: random sequential addition, then moves that remove what overlaps are left.
+//!
+//! Lengths and directions are drawn first and kept: a fibre that finds no free place is put down where it overlaps, and
+//! [`relax`] moves and turns all fibres until none overlap, so that the distribution of directions is the one asked for
+//! and not the one that is easy to place. The work grows linearly with the number of fibres, and the answer depends on
+//! the settings only, not on ranks or threads.
 
+mod cells;
 mod centre_line;
-mod occupied;
+mod crowd;
+mod error;
+mod orientation;
+mod quantity;
+mod region;
+mod relax;
 
 pub use centre_line::CentreLine;
+pub use error::PlacementError;
+pub use orientation::{Orbits, Orientation, orbit_constant};
+pub use quantity::Quantity;
+pub use region::Region;
 
-use crate::{PeriodicBox, Vector3};
-use occupied::Occupied;
+use crate::{Matrix3, PeriodicBox, Quaternion, Vector3};
+use crowd::{Body, Crowd, Turns};
+use error::check;
+use orientation::{Sampler, around, sequence};
+use quantity::Draws;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use region::Walls;
 use std::f64::consts::{PI, TAU};
 
-/// What to place, and where.
+/// Random places tried for a fibre; where none is free it is put down where it overlaps least.
+const ATTEMPTS: usize = 20;
+
+/// All fibres that have to keep clear of each other.
 #[derive(Clone, Debug)]
-pub struct PlacementSettings {
+pub struct Population {
+    /// Directions in which space repeats.
+    pub periodic: PeriodicBox,
+    /// What is placed.
+    pub groups: Vec<PlacementGroup>,
+    /// Fibres that are there already and stay where they are.
+    pub held: Vec<HeldFibre>,
+}
+
+/// A fibre that others keep clear of.
+#[derive(Clone, Debug)]
+pub struct HeldFibre {
+    /// Its nodes \[m\].
+    pub nodes: Vec<Vector3>,
+    /// Its radius \[m\].
+    pub radius: f64,
+}
+
+/// Fibres that are placed with one set of rules.
+#[derive(Clone, Debug)]
+pub struct PlacementGroup {
     /// How many fibres.
     pub amount: Amount,
-    /// Length of a fibre along its axis \[m\].
-    pub length: f64,
+    /// Length along the axis \[m\].
+    pub length: Quantity,
     /// Radius \[m\].
     pub radius: f64,
     /// Form of the axis.
     pub centre_line: CentreLine,
-    /// Segments a fibre is made of.
+    /// Segments of a fibre of mean length; others have segments of about the same length.
     pub segments: usize,
-    /// The box to fill.
-    pub domain: PlacementDomain,
-    /// Least distance of a fibre's surface from the faces that do not repeat \[m\].
-    pub wall_clearance: f64,
-    /// Least distance between the surfaces of two fibres \[m\].
+    /// Where they are.
+    pub region: Region,
+    /// Least distance between surfaces of fibres, and of fibres and walls \[m\]. Between groups it is the mean of theirs.
     pub gap: f64,
-    /// Directions of the fibres.
+    /// Directions.
     pub orientation: Orientation,
     /// Seed of the random numbers: the same seed gives the same fibres.
     pub seed: u64,
-    /// Random places tried for one fibre before giving up.
-    pub max_attempts: usize,
 }
 
 /// How much is placed.
@@ -43,229 +81,291 @@ pub struct PlacementSettings {
 pub enum Amount {
     /// This many fibres.
     Count(usize),
-    /// The number of fibres whose cylinders πr²L come nearest to this fraction of the box.
+    /// As many fibres as bring their cylinders πr²L nearest to this fraction of the region.
     VolumeFraction(f64),
 }
 
-/// The box that is filled.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PlacementDomain {
-    /// Lowest corner \[m\].
-    pub origin: Vector3,
-    /// Edges \[m\].
-    pub size: Vector3,
-    /// Axes along which the box repeats; the faces of the others are walls.
-    pub periodic: [bool; 3],
-}
-
-/// Distribution of the fibres' directions.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Orientation {
-    /// All directions alike.
-    Isotropic,
-    /// All fibres along one direction, turned at random about it.
-    Aligned(Vector3),
-    /// Directions at random in the plane with this normal; curved fibres lie in the plane.
-    InPlane(Vector3),
-}
-
-/// Where one fibre is.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// One fibre as placed.
+#[derive(Clone, Debug, PartialEq)]
 pub struct PlacedFibre {
-    /// Mean of the nodes, inside the box \[m\].
-    pub centre: Vector3,
-    /// Unit tangent in the middle of the fibre.
+    /// Nodes \[m\]; their mean lies inside the periodic box, the nodes are not wrapped.
+    pub nodes: Vec<Vector3>,
+    /// Unit tangent in the middle.
     pub direction: Vector3,
-    /// Unit normal of the plane in which a curved fibre lies.
-    pub normal: Vector3,
+    /// Length along the axis \[m\].
+    pub length: f64,
 }
 
-impl PlacedFibre {
-    /// Nodes in space of a centre line given in the fibre's own frame (see [`CentreLine::nodes`]), not wrapped.
-    pub fn nodes(&self, centre_line: &[Vector3]) -> Vec<Vector3> {
-        let side = self.normal.cross(&self.direction);
-        let point =
-            |x: &Vector3| self.centre + self.direction * x.x + side * x.y + self.normal * x.z;
-        centre_line.iter().map(point).collect()
+/// A group as placed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Placed {
+    /// The fibres, in the order in which they were drawn.
+    pub fibres: Vec<PlacedFibre>,
+    /// Fibres that were wanted.
+    pub wanted: usize,
+    /// Volume fraction of the region that was wanted and is reached.
+    pub volume_fraction: [f64; 2],
+    /// Largest difference of an entry of ⟨pp⟩, the mean over the fibres, from that of the distribution.
+    pub orientation_error: f64,
+    /// Steps that removed overlaps, of all groups together.
+    pub steps: usize,
+}
+
+impl Placed {
+    /// The error for a group that has to be complete.
+    ///
+    /// # Errors
+    /// [`PlacementError::NoRoom`] when fibres are missing.
+    pub fn complete(&self) -> Result<(), PlacementError> {
+        if self.fibres.len() == self.wanted {
+            return Ok(());
+        }
+        Err(PlacementError::NoRoom {
+            placed: self.fibres.len(),
+            wanted: self.wanted,
+            volume_fraction: self.volume_fraction[1],
+        })
     }
 }
 
-/// Why fibres could not be placed.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum PlacementError {
-    /// A setting is out of range.
-    #[error("placement: {name} is {value}, but must be {valid}")]
-    Setting {
-        /// Name of the setting.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-        /// What would be valid.
-        valid: &'static str,
-    },
-    /// A direction or a plane normal of no length.
-    #[error("placement: the {0} has no direction")]
-    Direction(&'static str),
-    /// A fibre would meet its own image whatever its direction.
-    #[error(
-        "placement: the periodic box is {length} m long along {axis}, but a fibre of radius {radius} m with its gap needs at least {least} m"
-    )]
-    BoxTooSmall {
-        /// x, y or z.
-        axis: char,
-        /// Length of the box \[m\].
-        length: f64,
-        /// Radius of the fibres \[m\].
-        radius: f64,
-        /// What would do \[m\].
-        least: f64,
-    },
-    /// No free place was found.
-    #[error(
-        "placed {placed} of {wanted} fibres (volume fraction {volume_fraction:.4}) and found no room for another in {attempts} attempts; ask for fewer or shorter fibres, or align them"
-    )]
-    NoRoom {
-        /// Fibres placed.
-        placed: usize,
-        /// Fibres asked for.
-        wanted: usize,
-        /// Volume fraction reached.
-        volume_fraction: f64,
-        /// Attempts for the fibre that failed.
-        attempts: usize,
-    },
-}
-
-/// Random sequential placement: fibres are put at random places and directions, and kept where they touch no other
-/// fibre, no image of themselves and no wall.
-///
-/// The work grows linearly with the number of fibres. Every rank that calls it gets the same answer.
+/// Places all groups at once. Groups for which there is no room come back with fewer fibres than wanted.
 ///
 /// # Errors
-/// [`PlacementError`] when a setting is unusable or there is no room.
-pub fn place_random(settings: &PlacementSettings) -> Result<Vec<PlacedFibre>, PlacementError> {
-    let wanted = checked_count(settings)?;
-    let line = settings
-        .centre_line
-        .nodes(settings.length, settings.segments);
-    let mut occupied = Occupied::new(settings, wanted)?;
-    let mut random = ChaCha8Rng::seed_from_u64(settings.seed);
-    let mut placed = Vec::with_capacity(wanted);
-    while placed.len() < wanted {
-        let fits = |fibre: &PlacedFibre| occupied.try_insert(&fibre.nodes(&line));
-        let fibre = (0..settings.max_attempts)
-            .map(|_| candidate(settings, &mut random))
-            .find(fits);
-        let Some(fibre) = fibre else {
-            return Err(PlacementError::NoRoom {
-                placed: placed.len(),
-                wanted,
-                volume_fraction: placed.len() as f64 * fibre_fraction(settings),
-                attempts: settings.max_attempts,
-            });
-        };
-        placed.push(fibre);
+/// [`PlacementError`] when a setting is unusable.
+pub fn place(population: &Population) -> Result<Vec<Placed>, PlacementError> {
+    let groups = &population.groups;
+    groups.iter().try_for_each(PlacementGroup::check)?;
+    let samplers = groups.iter().map(|g| Sampler::new(&g.orientation));
+    let samplers = samplers.collect::<Result<Vec<_>, _>>()?;
+    let mut randoms: Vec<ChaCha8Rng> = (0..).zip(groups).map(|(k, g)| g.random(k)).collect();
+    let lengths = groups.iter().zip(&mut randoms);
+    let lengths: Vec<Vec<f64>> = lengths.map(|(g, random)| g.lengths(random)).collect();
+
+    let regions: Vec<Region> = groups.iter().map(|g| g.region).collect();
+    let shells = groups.iter().map(|g| g.radius + 0.5 * g.gap);
+    let held = population.held.iter().map(|fibre| fibre.radius);
+    let shell = shells.chain(held).fold(0.0, f64::max);
+    let count = lengths.iter().map(Vec::len).sum();
+    let mut crowd = Crowd::new(&population.periodic, &regions, shell, count)?;
+    for fibre in &population.held {
+        crowd.add(fibre.body(), 1, |_| {});
     }
-    Ok(placed)
+    let walls = |g: &PlacementGroup| Walls::new(&g.region, &population.periodic);
+    for (k, group) in groups.iter().enumerate() {
+        let shift = [0; 3].map(|_| randoms[k].random::<f64>());
+        for (n, &length) in lengths[k].iter().enumerate() {
+            let direction = samplers[k].direction(sequence(n, shift));
+            let body = group.body(k, walls(group), &samplers[k], direction, length);
+            crowd.add(body, ATTEMPTS, |body| group.put(body, &mut randoms[k]));
+        }
+    }
+    let steps = relax::relax(&mut crowd, |crowd, index| {
+        let k = crowd.bodies[index].group;
+        crowd.put(index, ATTEMPTS, |body| groups[k].put(body, &mut randoms[k]));
+    });
+
+    let mut bodies = crowd.bodies.drain(population.held.len()..);
+    let placed = groups.iter().zip(&samplers).zip(lengths);
+    Ok(placed
+        .map(|((group, sampler), lengths)| {
+            let own = bodies.by_ref().take(lengths.len()).zip(&lengths);
+            let fibres = own
+                .filter(|(body, _)| !body.gone)
+                .map(|(body, &length)| group.settled(&body, length, &population.periodic))
+                .collect();
+            group.report(fibres, &lengths, sampler, steps)
+        })
+        .collect())
 }
 
-/// Fraction of the box that one fibre fills.
-fn fibre_fraction(settings: &PlacementSettings) -> f64 {
-    let volume = settings.domain.size.product();
-    PI * settings.radius * settings.radius * settings.length / volume
-}
-
-fn checked_count(settings: &PlacementSettings) -> Result<usize, PlacementError> {
-    let positive = |name, value: f64| check(value > 0.0, name, value, "a positive length in m");
-    let distance = |name, value: f64| check(value >= 0.0, name, value, "zero or a length in m");
-    positive("length", settings.length)?;
-    positive("radius", settings.radius)?;
-    distance("wall_clearance", settings.wall_clearance)?;
-    distance("gap", settings.gap)?;
-    for axis in 0..3 {
-        positive("domain size", settings.domain.size[axis])?;
-    }
-    let segments = settings.segments as f64;
-    check(segments >= 1.0, "segments", segments, "at least 1")?;
-    let attempts = settings.max_attempts as f64;
-    check(attempts >= 1.0, "max_attempts", attempts, "at least 1")?;
-    if let CentreLine::U { opening_angle } = settings.centre_line {
-        let valid = (0.0..=PI).contains(&opening_angle);
-        check(valid, "opening angle", opening_angle, "between 0 and π")?;
-    }
-    let direction = |name, v: Vector3| {
-        let usable = v.norm() > 0.0 && v.norm().is_finite();
-        usable.then_some(()).ok_or(PlacementError::Direction(name))
-    };
-    match settings.orientation {
-        Orientation::Isotropic => {}
-        Orientation::Aligned(v) => direction("aligned orientation", v)?,
-        Orientation::InPlane(v) => direction("normal of the plane of orientations", v)?,
-    }
-    match settings.amount {
-        Amount::Count(count) => Ok(count),
-        Amount::VolumeFraction(fraction) => {
+impl PlacementGroup {
+    /// # Errors
+    /// [`PlacementError`] when a setting is unusable.
+    pub fn check(&self) -> Result<(), PlacementError> {
+        self.length.check("length")?;
+        self.region.check()?;
+        let (radius, gap) = (self.radius, self.gap);
+        check(radius > 0.0, "radius", radius, "a positive length in m")?;
+        check(gap >= 0.0, "gap", gap, "zero or a length in m")?;
+        let segments = self.segments as f64;
+        check(segments >= 1.0, "segments", segments, "at least 1")?;
+        if let Amount::VolumeFraction(fraction) = self.amount {
             let valid = (0.0..1.0).contains(&fraction);
             check(valid, "volume fraction", fraction, "between 0 and 1")?;
-            Ok((fraction / fibre_fraction(settings)).round() as usize)
+        }
+        self.centre_line.check()?;
+        Sampler::new(&self.orientation).map(|_| ())
+    }
+
+    /// Groups with one seed do not draw the same places.
+    fn random(&self, stream: u64) -> ChaCha8Rng {
+        let mut random = ChaCha8Rng::seed_from_u64(self.seed);
+        random.set_stream(stream);
+        random
+    }
+
+    /// Volume fraction of fibres of this total length.
+    fn fraction(&self, length: f64) -> f64 {
+        PI * self.radius * self.radius * length / self.region.volume()
+    }
+
+    /// Lengths of all fibres \[m\].
+    fn lengths(&self, random: &mut ChaCha8Rng) -> Vec<f64> {
+        let mut draws = Draws::new(&self.length);
+        match self.amount {
+            Amount::Count(count) => (0..count).map(|_| draws.next(random)).collect(),
+            Amount::VolumeFraction(fraction) => {
+                let (mut lengths, mut total) = (Vec::new(), 0.0);
+                loop {
+                    let next = draws.next(random);
+                    // The last fibre is added when it brings the sum nearer.
+                    if self.fraction(total + 0.5 * next) > fraction {
+                        return lengths;
+                    }
+                    lengths.push(next);
+                    total += next;
+                }
+            }
+        }
+    }
+
+    /// Nodes of the fibre's form, the fewest that will do.
+    fn outline(&self, length: f64) -> Vec<Vector3> {
+        match self.centre_line {
+            CentreLine::Straight => self.centre_line.nodes(length, 1),
+            _ => self.nodes(length),
+        }
+    }
+
+    /// All nodes of a fibre of this length in its own frame.
+    fn nodes(&self, length: f64) -> Vec<Vector3> {
+        self.centre_line.nodes(length, self.segments_of(length))
+    }
+
+    /// Segments of a fibre of this length.
+    fn segments_of(&self, length: f64) -> usize {
+        let share = length / self.length.mean();
+        ((self.segments as f64 * share).round() as usize).max(1)
+    }
+
+    /// A fibre that has no place yet.
+    fn body(
+        &self,
+        group: usize,
+        walls: Walls,
+        sampler: &Sampler,
+        drawn: Vector3,
+        length: f64,
+    ) -> Body {
+        Body {
+            turns: match sampler {
+                Sampler::Aligned(_) => Turns::Never,
+                Sampler::InPlane(normal) => Turns::About(*normal),
+                _ => Turns::Free,
+            },
+            nodes: self.outline(length),
+            shell: self.radius + 0.5 * self.gap,
+            clearance: self.radius + self.gap,
+            walls: Some(walls),
+            drawn,
+            group,
+            ..Body::default()
+        }
+    }
+
+    /// Puts a fibre at a random place, along the direction that was drawn for it and turned at random about it.
+    fn put(&self, body: &mut Body, random: &mut ChaCha8Rng) {
+        let normal = match body.turns {
+            Turns::About(normal) => normal,
+            _ => around(&body.drawn, TAU * random.random::<f64>()),
+        };
+        body.rotation = frame(&body.drawn, &normal);
+        body.centre = self.spot(body, random);
+    }
+
+    /// A random centre at which the fibre, turned as it is, lies between the walls; half-way where it is too long.
+    fn spot(&self, body: &Body, random: &mut ChaCha8Rng) -> Vector3 {
+        let Some(walls) = body.walls else {
+            return body.centre;
+        };
+        let [mut low, mut high] = self.region.bounds();
+        let arms = body.nodes.iter().map(|x| body.rotation * x);
+        let arms: Vec<Vector3> = arms.collect();
+        for axis in 0..3 {
+            if walls.low[axis].is_finite() {
+                let below = arms.iter().map(|x| x[axis]).fold(0.0, f64::min);
+                let above = arms.iter().map(|x| x[axis]).fold(0.0, f64::max);
+                low[axis] += body.clearance - below;
+                high[axis] -= body.clearance + above;
+            }
+            if low[axis] > high[axis] {
+                low[axis] = 0.5 * (low[axis] + high[axis]);
+                high[axis] = low[axis];
+            }
+        }
+        let arms = &arms;
+        let mut draw = || {
+            let along = |axis, _| low[axis] + (high[axis] - low[axis]) * random.random::<f64>();
+            Vector3::from_fn(along)
+        };
+        let free = |centre: &Vector3| {
+            let excess = |x| walls.excess(&(centre + x), body.clearance);
+            arms.iter().all(|x| excess(x) == Vector3::zeros())
+        };
+        let found = (0..ATTEMPTS).map(|_| draw()).find(free);
+        found.unwrap_or_else(|| walls.centred(&draw()))
+    }
+
+    fn settled(&self, body: &Body, length: f64, periodic: &PeriodicBox) -> PlacedFibre {
+        let shift = periodic.wrap(&body.centre) - body.centre;
+        let nodes = self.nodes(length);
+        PlacedFibre {
+            nodes: nodes.iter().map(|x| body.at(x) + shift).collect(),
+            direction: body.rotation * Vector3::x(),
+            length,
+        }
+    }
+
+    fn report(
+        &self,
+        fibres: Vec<PlacedFibre>,
+        lengths: &[f64],
+        sampler: &Sampler,
+        steps: usize,
+    ) -> Placed {
+        let square = |f: &PlacedFibre| f.direction * f.direction.transpose();
+        let moments = fibres.iter().map(square).sum::<Matrix3>() / fibres.len().max(1) as f64;
+        let reached = fibres.iter().map(|f| f.length).fold(0.0, |sum, l| sum + l);
+        Placed {
+            wanted: lengths.len(),
+            volume_fraction: [lengths.iter().sum(), reached].map(|l| self.fraction(l)),
+            orientation_error: if fibres.is_empty() {
+                0.0
+            } else {
+                (moments - sampler.target()).amax()
+            },
+            fibres,
+            steps,
         }
     }
 }
 
-fn check(
-    good: bool,
-    name: &'static str,
-    value: f64,
-    valid: &'static str,
-) -> Result<(), PlacementError> {
-    if good && value.is_finite() {
-        Ok(())
-    } else {
-        Err(PlacementError::Setting { name, value, valid })
+impl HeldFibre {
+    fn body(&self) -> Body {
+        Body {
+            turns: Turns::Held,
+            nodes: self.nodes.clone(),
+            shell: self.radius,
+            ..Body::default()
+        }
     }
 }
 
-/// A random place and direction.
-fn candidate(settings: &PlacementSettings, random: &mut ChaCha8Rng) -> PlacedFibre {
-    let domain = &settings.domain;
-    let mut unit = || random.random::<f64>();
-    let centre = Vector3::from_fn(|axis, _| domain.origin[axis] + domain.size[axis] * unit());
-    let (direction, normal) = match settings.orientation {
-        Orientation::Isotropic => {
-            let (z, azimuth) = (2.0 * unit() - 1.0, TAU * unit());
-            let sine = (1.0 - z * z).sqrt();
-            let direction = Vector3::new(sine * azimuth.cos(), sine * azimuth.sin(), z);
-            (direction, around(&direction, TAU * unit()))
-        }
-        Orientation::Aligned(direction) => {
-            let direction = direction.normalize();
-            (direction, around(&direction, TAU * unit()))
-        }
-        Orientation::InPlane(normal) => {
-            let normal = normal.normalize();
-            (around(&normal, TAU * unit()), normal)
-        }
-    };
-    PlacedFibre {
-        centre,
-        direction,
-        normal,
-    }
-}
-
-/// The unit vector at `angle` in the plane across `axis`.
-fn around(axis: &Vector3, angle: f64) -> Vector3 {
-    let first = axis.cross(&Vector3::ith(axis.iamin(), 1.0)).normalize();
-    first * angle.cos() + axis.cross(&first) * angle.sin()
-}
-
-impl PlacementDomain {
-    fn periodic_box(&self) -> PeriodicBox {
-        PeriodicBox {
-            origin: self.origin,
-            lengths: [0, 1, 2].map(|axis| self.periodic[axis].then_some(self.size[axis])),
-        }
-    }
+/// The rotation that takes x to `direction` and z to `normal`.
+fn frame(direction: &Vector3, normal: &Vector3) -> Quaternion {
+    let side = normal.cross(direction);
+    let axes = Matrix3::from_columns(&[*direction, side, *normal]);
+    Quaternion::from_rotation_matrix(&nalgebra::Rotation3::from_matrix_unchecked(axes))
 }
 
 #[cfg(test)]

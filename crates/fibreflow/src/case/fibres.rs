@@ -1,5 +1,6 @@
 //! Fibres: shape, material, placement, contacts, hydrodynamic laws, coupling.
 
+use super::population::{Orientation, Quantity, Region, Shortfall};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -11,18 +12,16 @@ pub struct FibreGroup {
     pub placement: Placement,
     /// Length along the axis [m]. Needed for random placement; otherwise it follows from the positions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub length: Option<f64>,
+    pub length: Option<Quantity>,
     /// Diameter [m].
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub diameter: f64,
-    /// Beam segments of a fibre. Needed unless all nodes are given.
+    /// Beam segments of a fibre; of one of mean length where lengths differ, others in proportion. Needed unless all nodes are given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1))]
     pub segments: Option<usize>,
     /// Young's modulus [Pa].
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub youngs_modulus: f64,
+    pub youngs_modulus: Quantity,
     /// Poisson's ratio.
     #[serde(default = "poisson_ratio")]
     #[schemars(extend("exclusiveMinimum" = -1), range(max = 0.5))]
@@ -56,12 +55,12 @@ fn poisson_ratio() -> f64 {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Placement {
-    /// At random without overlap, in the box of the mesh or of the ambient flow.
+    /// At random without overlap with any fibre of any group, in the box of the mesh or of the ambient flow or in a region.
     Random {
         /// Number of fibres; this or `volume_fraction`.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         count: Option<usize>,
-        /// Volume of fibres by volume of the box; this or `count`.
+        /// Volume of fibres by volume of the region; this or `count`.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("exclusiveMinimum" = 0), range(max = 0.5))]
         volume_fraction: Option<f64>,
@@ -71,6 +70,16 @@ pub enum Placement {
         /// Directions.
         #[serde(default)]
         orientation: Orientation,
+        /// Where. Default: the box of the mesh or of the ambient flow.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        region: Option<Region>,
+        /// Least distance between surfaces of fibres, and of fibres and walls [m].
+        #[serde(default)]
+        #[schemars(range(min = 0.0))]
+        gap: f64,
+        /// What happens when there is no room for all.
+        #[serde(default)]
+        shortfall: Shortfall,
     },
     /// One straight fibre between two points.
     Line {
@@ -84,25 +93,6 @@ pub enum Placement {
         /// Node positions [m].
         #[schemars(length(min = 2))]
         positions: Vec<[f64; 3]>,
-    },
-}
-
-/// Directions of randomly placed fibres.
-#[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum Orientation {
-    /// All directions alike.
-    #[default]
-    Isotropic,
-    /// One direction.
-    Aligned {
-        /// Direction; its length does not matter.
-        direction: [f64; 3],
-    },
-    /// At random in a plane.
-    InPlane {
-        /// Normal of the plane; its length does not matter.
-        normal: [f64; 3],
     },
 }
 

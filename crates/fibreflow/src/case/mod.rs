@@ -17,6 +17,8 @@ mod force;
 mod loads;
 mod mechanics;
 mod mesh;
+mod observables;
+mod population;
 mod run;
 mod schema;
 mod validate;
@@ -27,7 +29,7 @@ pub use document::{Document, Place};
 pub use error::CaseError;
 pub use fibres::{
     AmbientFlow, Clamp, Coupling, CouplingMode, DragLaw, FibreGroup, Gravity, Hydrodynamics,
-    Kinematics, Orientation, Placement, PointLoad, Shape, TorqueLaw,
+    Kinematics, Placement, PointLoad, Shape, TorqueLaw,
 };
 pub use fluid::{
     ChannelProfile, Diffusion, Fluid, Forcing, Inertia, Initial, Kernels, Mass, Poisson,
@@ -37,6 +39,8 @@ pub use force::PointForce;
 pub use loads::{Coefficients, Loads};
 pub use mechanics::{IntegratorKind, Mechanics};
 pub use mesh::{Ambient, BoxElement, Domain, MeshSource, Stretching};
+pub use observables::Observables;
+pub use population::{Axis, Orbits, Orientation, Quantity, Region, Shortfall, Spread};
 pub use run::{Exact, Output, Schedule, Time};
 pub use schema::json_schema;
 pub use validate::{validate_domain, validate_patches};

@@ -1,6 +1,6 @@
 //! Time, output, exact answers.
 
-use super::Loads;
+use super::{Loads, Observables};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -38,6 +38,9 @@ pub struct Output {
     /// Forces, torques and flow on patches of the boundary, in `series/loads.csv`. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub loads: Option<Loads>,
+    /// Statistics of directions and shapes of the fibres, in `series/orientation.csv` and `series/shape.csv`. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub observables: Option<Observables>,
     /// Fibres, by number from 0, of which a series is kept: middle, ends, end-to-end vector.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub track: Vec<u64>,
@@ -57,6 +60,7 @@ impl Default for Output {
             },
             checkpoint: Schedule::default(),
             loads: None,
+            observables: None,
             track: Vec::new(),
             wall_time_limit: None,
         }
@@ -65,13 +69,16 @@ impl Default for Output {
 
 impl Output {
     /// Everything that is done from time to time.
-    pub fn schedules(&self) -> [Schedule; 4] {
+    pub fn schedules(&self) -> [Schedule; 5] {
         let loads = self.loads.as_ref().map(|l| l.schedule(&self.series));
+        let observables = self.observables.as_ref();
+        let observables = observables.map(|o| o.schedule(&self.series));
         [
             self.vtk.clone(),
             self.series.clone(),
             self.checkpoint.clone(),
             loads.unwrap_or_default(),
+            observables.unwrap_or_default(),
         ]
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{
     Case, CaseError, Clamp, ContactWall, Document, Exact, Forcing, Initial, Kinematics, MeshSource,
-    Placement, Schedule, schema,
+    Placement, Region, Schedule, schema,
 };
 
 type Checked = Result<(), Box<CaseError>>;
@@ -23,6 +23,7 @@ pub(super) fn validate(case: &Case, document: &Document) -> Checked {
         check_schedule(name, schedule, document)?;
     }
     check_loads(case, document)?;
+    check_observables(case, document)?;
     check_contact(case, document)?;
     check_exact(case, document)
 }
@@ -62,6 +63,29 @@ fn check_contact(case: &Case, document: &Document) -> Checked {
         }
         _ => Ok(()),
     }
+}
+
+fn check_observables(case: &Case, document: &Document) -> Checked {
+    let Some(observables) = &case.output.observables else {
+        return Ok(());
+    };
+    if case.fibres.is_empty() {
+        let message = "`output.observables` needs fibres";
+        return Err(document.error("output.observables", message));
+    }
+    let schedule = observables.schedule(&Schedule::default());
+    check_schedule("observables", &schedule, document)?;
+    let [f, g] = [observables.flow, observables.gradient];
+    let square = |a: [f64; 3], b: [f64; 3]| (0..3).map(|c| a[c] * b[c]).sum::<f64>();
+    // Squared sine of the angle that they enclose.
+    if square(f, f) * square(g, g) - square(f, g).powi(2) <= 1e-12 * square(f, f) * square(g, g) {
+        let path = "output.observables.gradient";
+        let error = document.error(path, "`flow` and `gradient` span no plane of shear");
+        return Err(
+            error.with_help("two directions that are not parallel, as in [1, 0, 0] and [0, 1, 0]")
+        );
+    }
+    Ok(())
 }
 
 fn check_loads(case: &Case, document: &Document) -> Checked {
@@ -222,6 +246,7 @@ fn check_group(case: &Case, k: usize, document: &Document) -> Checked {
         Placement::Random {
             count,
             volume_fraction,
+            region,
             ..
         } => {
             if count.is_some() == volume_fraction.is_some() {
@@ -235,27 +260,23 @@ fn check_group(case: &Case, k: usize, document: &Document) -> Checked {
                     )
                     .with_help("give exactly one of them"));
             }
-            if matches!(case.mesh, Some(MeshSource::Gmsh { .. })) {
-                return Err(document
-                    .error(&path("placement"), "random placement needs a box")
-                    .with_help("use a box mesh, or give the fibres as `line` or `nodes`"));
-            }
-            if case.ambient.as_ref().is_some_and(|a| a.domain.is_none()) {
-                return Err(document.error(
-                    &path("placement"),
-                    "random placement in a prescribed flow needs `ambient.domain`",
+            if region.is_none() && case.domain().is_none() {
+                let message = "random placement needs to know where: the case has no box";
+                return Err(document.error(&path("placement"), message).with_help(
+                    "give `region = { kind = \"box\" … }` or `{ kind = \"pipe\" … }`, a box mesh, or `ambient.domain`",
                 ));
             }
-            group
-                .length
+            let length = group.length.as_ref();
+            length
                 .ok_or_else(|| lacks("length", "random placement needs it [m]"))?
+                .nominal()
         }
-        Placement::Line { start, end } => distance(start, end),
+        Placement::Line { start, end } => Some(distance(start, end)),
         Placement::Nodes { positions } => {
-            positions.windows(2).map(|p| distance(&p[0], &p[1])).sum()
+            Some(positions.windows(2).map(|p| distance(&p[0], &p[1])).sum())
         }
     };
-    if length == 0.0 {
+    if length == Some(0.0) {
         return Err(document.error(
             &path("placement"),
             format!("`{}` has no length", path("placement")),
@@ -277,7 +298,7 @@ fn check_group(case: &Case, k: usize, document: &Document) -> Checked {
         (_, Some(n)) => n + 1,
         (_, None) => return Err(lacks("segments", "the number of beam segments of a fibre")),
     };
-    let segment = length / (nodes - 1) as f64;
+    let segment = length.map_or(f64::INFINITY, |length| length / (nodes - 1) as f64);
     if group.diameter > segment {
         return Err(document
             .value_error(
@@ -430,7 +451,10 @@ pub fn validate_domain(
 ) -> Checked {
     for (k, group) in case.fibres.iter().enumerate() {
         let points: Vec<(String, [f64; 3])> = match &group.placement {
-            Placement::Random { .. } => continue,
+            Placement::Random { region, .. } => {
+                let corners = region.iter().flat_map(Region::corners);
+                corners.map(|x| ("region".to_owned(), x)).collect()
+            }
             Placement::Line { start, end } => vec![("start".into(), *start), ("end".into(), *end)],
             Placement::Nodes { positions } => {
                 let named = positions.iter().enumerate();
@@ -440,7 +464,10 @@ pub fn validate_domain(
             }
         };
         for (name, x) in points {
-            let out = (0..3).find(|&c| !periodic[c] && !(low[c]..=high[c]).contains(&x[c]));
+            // A region may be given by other numbers than the box it fills.
+            let slack = |c: usize| 1e-9 * (high[c] - low[c]);
+            let beyond = |c: usize| low[c] - x[c] > slack(c) || x[c] - high[c] > slack(c);
+            let out = (0..3).find(|&c| !periodic[c] && beyond(c));
             if let Some(c) = out {
                 let path = format!("fibres[{k}].placement.{name}");
                 let axis = ["x", "y", "z"][c];

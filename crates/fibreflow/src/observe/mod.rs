@@ -1,5 +1,6 @@
 //! What watches a run: series, pictures, checkpoints, progress.
 
+mod fibres;
 mod loads;
 mod progress;
 mod save;
@@ -16,6 +17,7 @@ use crate::error::ProgramError;
 use crate::figures::Figures;
 use crate::output::log::Log;
 use crate::scene::Scene;
+use fibres::FibreSeries;
 use loads::LoadSeries;
 use progress::Progress;
 use series::AllSeries;
@@ -57,6 +59,7 @@ pub struct Observers {
     folder: PathBuf,
     series: AllSeries,
     loads: Option<LoadSeries>,
+    fibres: Option<FibreSeries>,
     vtk: VtkOutput,
     progress: Progress,
     signal: Arc<AtomicBool>,
@@ -83,6 +86,7 @@ impl Observers {
             output: case.output.clone(),
             series: AllSeries::open(case, folder, scene, resumed.then_some(clock.step))?,
             loads: LoadSeries::open(case, folder, scene, resumed.then_some(clock.step))?,
+            fibres: FibreSeries::open(case, folder, scene, resumed.then_some(clock.step))?,
             vtk: VtkOutput::new(folder, scene, resumed.then_some(clock.time))?,
             progress: Progress::new(clock),
             folder: folder.to_owned(),
@@ -105,6 +109,9 @@ impl Observers {
     ) -> Result<(), ProgramError> {
         if !self.resumed {
             self.series.write(scene, clock, &Figures::default())?;
+            if let Some(fibres) = &mut self.fibres {
+                fibres.write(scene, clock)?;
+            }
             self.vtk.write(scene, clock)?;
         }
         self.progress.start(log);
@@ -128,6 +135,9 @@ impl Observers {
         }
         if let Some(loads) = self.loads.as_mut().filter(|l| l.is_due(clock)) {
             loads.write(scene, clock)?;
+        }
+        if let Some(fibres) = self.fibres.as_mut().filter(|f| f.is_due(clock)) {
+            fibres.write(scene, clock)?;
         }
         if clock.is_due(&self.output.vtk) {
             self.vtk.write(scene, clock)?;
@@ -165,6 +175,13 @@ impl Observers {
         {
             loads.write(scene, clock)?;
         }
+        if let Some(fibres) = self
+            .fibres
+            .as_mut()
+            .filter(|f| self.moved && !f.is_due(clock))
+        {
+            fibres.write(scene, clock)?;
+        }
         self.flush()?;
         if self.moved && !clock.is_due(&self.output.vtk) {
             self.vtk.write(scene, clock)?;
@@ -177,7 +194,8 @@ impl Observers {
 
     fn flush(&mut self) -> Result<(), ProgramError> {
         self.series.flush()?;
-        self.loads.as_mut().map_or(Ok(()), LoadSeries::flush)
+        self.loads.as_mut().map_or(Ok(()), LoadSeries::flush)?;
+        self.fibres.as_mut().map_or(Ok(()), FibreSeries::flush)
     }
 
     fn save(&mut self, scene: &Scene, clock: &Clock, log: &mut Log) -> Result<(), ProgramError> {

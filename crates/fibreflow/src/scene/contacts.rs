@@ -1,8 +1,8 @@
 //! The contacts of a case: laws, and the walls that hold its fibres.
 
 use super::mesh::SceneMesh;
+use super::periodic_box;
 use crate::case::{self, AmbientFlow, Boundary, Case, Contact, ContactWall, Domain};
-use fibreflow_fibre::PeriodicBox;
 use fibreflow_fibre::contact::{
     ContactSettings, Lubrication, LubricationModel, NormalDamping, Repulsion, SurfaceMotion,
     VanDerWaals, Wall,
@@ -28,8 +28,6 @@ pub fn settings(
         }
         None => domain.as_ref().map_or_else(Vec::new, |d| faces(d, case)),
     };
-    // Along axes only: a sheared lattice has no box.
-    let length = |c: usize| Some(periods.vectors[c][c]).filter(|l| *l > 0.0);
     Some(ContactSettings {
         damping: NormalDamping::Ratio(contact.damping),
         friction: contact.friction,
@@ -40,10 +38,7 @@ pub fn settings(
         walls,
         shear_rate: shear_rate(case),
         count_crossings: contact.count_crossings,
-        periodic: PeriodicBox {
-            origin: domain.map_or_else(Vector3::zeros, |d| d.origin.into()),
-            lengths: [length(0), length(1), length(2)],
-        },
+        periodic: periodic_box(case, periods),
         ..ContactSettings::new(contact.stiffness, contact.skin.unwrap_or(thickest))
     })
 }

@@ -1,8 +1,9 @@
 //! The fibres of a case, placed.
 
+use super::population::{PlacementReport, Populate, centre_line};
 use crate::case::{
-    self, Case, Clamp, Domain, DragLaw, FibreGroup, IntegratorKind, Kinematics, Mechanics,
-    Placement, Shape, TorqueLaw,
+    Case, Clamp, DragLaw, FibreGroup, IntegratorKind, Kinematics, Mechanics, Placement, Shape,
+    TorqueLaw,
 };
 use crate::error::ProgramError;
 use fibreflow_coupling::FibreLoad;
@@ -11,9 +12,6 @@ use fibreflow_fibre::hydrodynamics::{
     BUCKLING_FLEXIBILITY, DragModel, FluidProperties, Section, SlenderConstants, TorqueModel,
     flexibility,
 };
-use fibreflow_fibre::placement::{
-    Amount, CentreLine, Orientation, PlacementDomain, PlacementSettings, place_random,
-};
 use fibreflow_fibre::{
     Equilibrium, Fibre, FibreSettings, FibreSystem, Hydrodynamics, ImplicitSettings, Integrator,
     Material, Points, Support,
@@ -21,10 +19,17 @@ use fibreflow_fibre::{
 use fibreflow_parallel::Communicator;
 use nalgebra::Vector3;
 
-/// Random places tried for one fibre before giving up.
-const ATTEMPTS: usize = 100_000;
+/// Fibres of this rank, and what is known of all.
+pub struct PlacedFibres {
+    /// The fibres of this rank.
+    pub system: FibreSystem,
+    /// Fibres on all ranks.
+    pub count: usize,
+    /// What came of the random groups.
+    pub reports: Vec<PlacementReport>,
+}
 
-/// The fibres of a case and their number on all ranks; None for a case without fibres.
+/// The fibres of a case; None for a case without fibres.
 ///
 /// `spacing` is the mesh size \[m\]: longer parts of a segment get hydrodynamic points of their own. Ids count from 0
 /// through the groups of the case. Every rank draws all places and keeps its share.
@@ -32,27 +37,30 @@ const ATTEMPTS: usize = 100_000;
 /// # Errors
 /// Fibres that do not fit or have impossible constants.
 pub fn place(
-    case: &Case,
+    populate: Populate<'_>,
     spacing: f64,
     contacts: Option<ContactSettings>,
     communicator: &Communicator,
-) -> Result<Option<(FibreSystem, usize)>, ProgramError> {
+) -> Result<Option<PlacedFibres>, ProgramError> {
+    let case = populate.case;
     if case.fibres.is_empty() {
         return Ok(None);
     }
-    let mut places = Vec::new();
-    for (index, group) in case.fibres.iter().enumerate() {
-        let found = centre_lines(group, case.domain().as_ref())
-            .map_err(|e| ProgramError::input(format!("fibres[{index}].placement: {e}")))?;
-        places.extend(found.into_iter().map(|nodes| (group, nodes)));
-    }
-    let count = places.len();
+    let (nodes, reports) = populate.place()?;
+    let count = nodes.iter().map(Vec::len).sum();
     let (rank, ranks) = (communicator.rank(), communicator.size());
     let share = count * rank / ranks..count * (rank + 1) / ranks;
-    let kept = places.drain(share.clone()).zip(share);
-    let mine: Vec<(Fibre, &FibreGroup)> = kept
-        .map(|((group, nodes), id)| (fibre(id as u64, group, nodes, case), group))
-        .collect();
+    let mut mine: Vec<(Fibre, &FibreGroup)> = Vec::with_capacity(share.len());
+    let mut id = 0;
+    for (k, (group, nodes)) in case.fibres.iter().zip(nodes).enumerate() {
+        let moduli = populate.moduli(k, nodes.len())?;
+        for (nodes, modulus) in nodes.into_iter().zip(moduli) {
+            if share.contains(&id) {
+                mine.push((fibre(id as u64, group, nodes, modulus, case), group));
+            }
+            id += 1;
+        }
+    }
     let fibres = mine.iter().map(|(fibre, _)| fibre.clone()).collect();
     let settings = settings(case, spacing, contacts);
     let made = FibreSystem::new(communicator.clone(), settings, fibres);
@@ -70,74 +78,11 @@ pub fn place(
                 .map_err(ProgramError::input)?;
         }
     }
-    Ok(Some((system, count)))
-}
-
-/// Nodes of all fibres of a group.
-fn centre_lines(
-    group: &FibreGroup,
-    domain: Option<&Domain>,
-) -> Result<Vec<Vec<Vector3<f64>>>, String> {
-    let segments = group.segments.unwrap_or(1);
-    match &group.placement {
-        Placement::Line { start, end } => {
-            let (a, b) = (Vector3::from(*start), Vector3::from(*end));
-            let node = |k: usize| a + (b - a) * (k as f64 / segments as f64);
-            Ok(vec![(0..=segments).map(node).collect()])
-        }
-        Placement::Nodes { positions } => {
-            Ok(vec![positions.iter().map(|x| Vector3::from(*x)).collect()])
-        }
-        Placement::Random {
-            count,
-            volume_fraction,
-            seed,
-            orientation,
-        } => {
-            let (Some(length), Some(domain)) = (group.length, domain) else {
-                return Err("a length and a box are needed".to_owned());
-            };
-            let centre_line = centre_line(group);
-            let settings = PlacementSettings {
-                amount: match (count, volume_fraction) {
-                    (Some(count), _) => Amount::Count(*count),
-                    (None, fraction) => Amount::VolumeFraction(fraction.unwrap_or(0.0)),
-                },
-                length,
-                radius: 0.5 * group.diameter,
-                centre_line: centre_line.clone(),
-                segments,
-                domain: PlacementDomain {
-                    origin: domain.origin.into(),
-                    size: domain.size.into(),
-                    periodic: domain.periodic,
-                },
-                wall_clearance: 0.0,
-                gap: 0.0,
-                orientation: direction(orientation),
-                seed: *seed,
-                max_attempts: ATTEMPTS,
-            };
-            let placed = place_random(&settings).map_err(|e| e.to_string())?;
-            let line = centre_line.nodes(length, segments);
-            Ok(placed.iter().map(|p| p.nodes(&line)).collect())
-        }
-    }
-}
-
-fn centre_line(group: &FibreGroup) -> CentreLine {
-    match group.shape {
-        Shape::U { opening_angle } => CentreLine::U { opening_angle },
-        Shape::Straight | Shape::AsPlaced => CentreLine::Straight,
-    }
-}
-
-fn direction(orientation: &case::Orientation) -> Orientation {
-    match orientation {
-        case::Orientation::Isotropic => Orientation::Isotropic,
-        case::Orientation::Aligned { direction } => Orientation::Aligned((*direction).into()),
-        case::Orientation::InPlane { normal } => Orientation::InPlane((*normal).into()),
-    }
+    Ok(Some(PlacedFibres {
+        system,
+        count,
+        reports,
+    }))
 }
 
 /// Whether a fibre of this length \[m\] keeps its shape, and ζ⊥γ̇L⁴/EI where that decides.
@@ -169,8 +114,14 @@ fn viscosity(case: &Case) -> f64 {
         .unwrap_or(0.0)
 }
 
-fn fibre(id: u64, group: &FibreGroup, nodes: Vec<Vector3<f64>>, case: &Case) -> Fibre {
-    let (radius, modulus) = (0.5 * group.diameter, group.youngs_modulus);
+fn fibre(
+    id: u64,
+    group: &FibreGroup,
+    nodes: Vec<Vector3<f64>>,
+    modulus: f64,
+    case: &Case,
+) -> Fibre {
+    let radius = 0.5 * group.diameter;
     let mut material = Material::new(radius, modulus, group.poisson_ratio, group.density);
     material.retardation = group.retardation;
     let last = nodes.len() - 1;
@@ -228,6 +179,7 @@ fn settings(case: &Case, spacing: f64, contacts: Option<ContactSettings>) -> Fib
         }),
         contacts,
         integrator: integrator(&case.mechanics),
+        budget: (case.output.observables.as_ref()).is_some_and(|o| o.energy),
         ..FibreSettings::default()
     }
 }
@@ -250,7 +202,7 @@ fn integrator(mechanics: &Mechanics) -> Integrator {
 /// Length of the fibres of a group \[m\].
 pub fn length(group: &FibreGroup) -> Option<f64> {
     match &group.placement {
-        Placement::Random { .. } => group.length,
+        Placement::Random { .. } => group.length.as_ref()?.nominal(),
         Placement::Line { start, end } => {
             Some((Vector3::from(*end) - Vector3::from(*start)).norm())
         }

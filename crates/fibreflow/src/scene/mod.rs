@@ -11,6 +11,7 @@ mod forces;
 mod inertia;
 mod initial;
 mod mesh;
+mod population;
 mod scatter;
 mod settings;
 
@@ -18,12 +19,14 @@ pub use exact::errors;
 pub use fibres::{is_rigid, length as length_of};
 pub use flow::{Flow, Solved};
 pub use mesh::{SceneMesh, build as build_mesh};
+pub use population::PlacementReport;
 
 use crate::case::{Case, Document, validate_domain};
 use crate::error::{ProgramError, agree};
-use fibreflow_fibre::FibreSystem;
+use fibreflow_fibre::{FibreSystem, PeriodicBox, Vector3};
 use fibreflow_mesh::Periods;
 use fibreflow_parallel::Communicator;
+use population::Populate;
 use std::path::Path;
 
 /// Flow and fibres of a case.
@@ -36,6 +39,8 @@ pub struct Scene {
     pub fibres: Option<FibreSystem>,
     /// Fibres on all ranks.
     pub fibre_count: usize,
+    /// What came of random placement.
+    pub placements: Vec<PlacementReport>,
     /// Periodic directions.
     pub periods: Periods,
     /// Checksum of the mesh.
@@ -60,16 +65,25 @@ impl Scene {
         let spacing = mesh.as_ref().map_or(f64::INFINITY, SceneMesh::spacing);
         let contacts = contacts::settings(case, mesh.as_ref(), &periods);
         let flow = agree(communicator, Flow::new(case, document, mesh, folder))?;
+        let populate = Populate {
+            case,
+            document,
+            folder,
+            periodic: periodic_box(case, &periods),
+        };
         let placed = agree(
             communicator,
-            fibres::place(case, spacing, contacts, communicator),
+            fibres::place(populate, spacing, contacts, communicator),
         )?;
-        let fibre_count = placed.as_ref().map_or(0, |p| p.1);
+        let fibre_count = placed.as_ref().map_or(0, |p| p.count);
+        let (fibres, placements) =
+            placed.map_or((None, Vec::new()), |p| (Some(p.system), p.reports));
         let mut scene = Self {
             communicator: communicator.clone(),
             flow,
-            fibres: placed.map(|p| p.0),
+            fibres,
             fibre_count,
+            placements,
             periods,
             mesh_checksum,
         };
@@ -114,6 +128,15 @@ fn periods(case: &Case, mesh: Option<&SceneMesh>) -> Periods {
         (None, None) => {}
     }
     periods
+}
+
+/// Along axes only: a sheared lattice has no box.
+fn periodic_box(case: &Case, periods: &Periods) -> PeriodicBox {
+    let length = |c: usize| Some(periods.vectors[c][c]).filter(|l| *l > 0.0);
+    PeriodicBox {
+        origin: (case.domain()).map_or_else(Vector3::zeros, |d| d.origin.into()),
+        lengths: [length(0), length(1), length(2)],
+    }
 }
 
 /// Explicitly placed fibres must lie in the domain: the box of the case, or the bounds of its mesh.

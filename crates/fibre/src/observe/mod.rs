@@ -1,5 +1,12 @@
 //! Quantities of the whole system and of single fibres. Sums over this rank; the caller adds ranks.
 
+mod budget;
+mod statistics;
+
+pub use budget::Budget;
+pub(crate) use budget::{Account, Accounts};
+pub use statistics::{FOURTH, Histogram, OrientationMoments};
+
 use crate::beam::{ElasticEnergy, tangent};
 use crate::{FibreSystem, Vector3};
 use fibreflow_parallel::{block_sum, block_sums};

@@ -1,0 +1,60 @@
+//! Statistics of the fibres, as series.
+
+use super::Schedule;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Statistics of directions and shapes of the fibres.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Observables {
+    /// Every so many steps; this or `interval`. Default: with `output.series`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1))]
+    pub every: Option<u64>,
+    /// Every so much simulated time [s]; steps land on it exactly. This or `every`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub interval: Option<f64>,
+    /// Keeps a budget of the fibres' energy, in `series/energy.csv`.
+    pub energy: bool,
+    /// Bins of every distribution.
+    #[schemars(range(min = 2, max = 1000))]
+    pub bins: usize,
+    /// Largest curvature times length in the distribution of curvatures.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub curvature_max: f64,
+    /// Direction of the flow, for orbit constants.
+    pub flow: [f64; 3],
+    /// Direction of the velocity gradient, for orbit constants.
+    pub gradient: [f64; 3],
+}
+
+impl Default for Observables {
+    fn default() -> Self {
+        Self {
+            every: None,
+            interval: None,
+            energy: false,
+            bins: 20,
+            curvature_max: 20.0,
+            flow: [1.0, 0.0, 0.0],
+            gradient: [0.0, 1.0, 0.0],
+        }
+    }
+}
+
+impl Observables {
+    /// When a line is written, beside a series of this schedule.
+    pub fn schedule(&self, series: &Schedule) -> Schedule {
+        let own = Schedule {
+            every: self.every,
+            interval: self.interval,
+        };
+        if self.every.is_some() || self.interval.is_some() {
+            own
+        } else {
+            series.clone()
+        }
+    }
+}
