@@ -31,6 +31,7 @@ const CONTACT_STEP: &str = "fibre.contact_step";
 const CONTACT_TIME: &str = "fibre.contact_time";
 const CONTACT_LOSS: &str = "fibre.contact_loss";
 const WALL_WORK: &str = "fibre.wall_work";
+const CROSSINGS: &str = "fibre.crossings";
 
 impl FibreSystem {
     /// All that decides how the fibres of this rank move on, given the settings: a restored system continues bitwise.
@@ -41,16 +42,14 @@ impl FibreSystem {
         let touching = self.touching.as_ref();
         let step = touching.and_then(|t| t.critical_step);
         let time = touching.map(|t| t.contacts.time());
-        let [loss, work] = if self.settings.budget {
-            self.contact_works().map(Some)
-        } else {
-            [None; 2]
-        };
+        let settled = touching.map(|t| t.contacts.settled());
+        let [loss, work, crossings] = [0, 1, 2].map(|k| settled.map(|sums| sums[k]));
         let scalars = [
             (CONTACT_STEP, step),
             (CONTACT_TIME, time),
             (CONTACT_LOSS, loss),
             (WALL_WORK, work),
+            (CROSSINGS, crossings),
         ];
         FibreState {
             records: (0..self.fibres())
@@ -72,7 +71,6 @@ impl FibreSystem {
             let found = state.scalars.iter().find(|(name, _)| name == wanted);
             found.map(|(_, value)| *value)
         };
-        self.accounts.before = [CONTACT_LOSS, WALL_WORK].map(|name| scalar(name).unwrap_or(0.0));
         if let Some(settings) = &self.settings.contacts {
             let touching = Touching::new(settings.clone(), &self.communicator)?;
             let touching = self.touching.insert(touching);
@@ -80,6 +78,10 @@ impl FibreSystem {
             touching
                 .contacts
                 .set_time(scalar(CONTACT_TIME).unwrap_or(0.0));
+            let settled = [CONTACT_LOSS, WALL_WORK, CROSSINGS];
+            touching
+                .contacts
+                .set_settled(settled.map(|name| scalar(name).unwrap_or(0.0)));
         }
         self.rebuild(state.records)
     }

@@ -151,6 +151,8 @@ impl FibreSystem {
         };
         let joint = &mut touching.joint;
         let done = joint.advance(&mut parties, &touching.axes, dt, settings)?;
+        let segments = touching.axes.moving(&self.motion);
+        touching.contacts.finish(&segments);
         self.work = (done.sub_steps, done.sub_steps * self.segments());
         if done.converged {
             Ok(())
@@ -214,6 +216,7 @@ impl FibreSystem {
             }
         });
         let segments = touching.axes.moving(motion);
+        touching.contacts.finish(&segments);
         touching.critical_step = Some(touching.contacts.critical_step(&segments));
         self.given_up(given_up.into_inner())
     }

@@ -37,6 +37,8 @@ pub struct ContactSystem {
     /// Step of the loads \[s\].
     load_step: f64,
     totals: Totals,
+    /// Loss \[J\], work of walls \[J\] and crossings of all finished steps and all ranks.
+    settled: [f64; 3],
 }
 
 /// What the last search was made for.
@@ -67,7 +69,7 @@ pub struct ContactStatistics {
     pub max_overlap: f64,
     /// Energy in the contact springs and of the forces at a distance \[J\].
     pub stored_energy: f64,
-    /// Energy lost by damping and friction since the start of the run or its last resumption \[J\].
+    /// Energy lost by damping and friction since the first step \[J\].
     pub dissipated_energy: f64,
     /// Work of the moving walls on the fibres since then \[J\].
     pub wall_work: f64,
@@ -111,6 +113,7 @@ impl ContactSystem {
             time: 0.0,
             load_step: 0.0,
             totals: Totals::default(),
+            settled: [0.0; 3],
         })
     }
 
@@ -353,12 +356,36 @@ impl ContactSystem {
             candidates: sums[2] as usize,
             max_overlap: self.communicator.max(deepest),
             stored_energy: sums[3],
-            dissipated_energy: sums[4],
-            wall_work: sums[6],
-            crossings: sums[7] as usize,
+            dissipated_energy: self.settled[0] + sums[4],
+            wall_work: self.settled[1] + sums[6],
+            crossings: (self.settled[2] + sums[7]) as usize,
             rebuilds: self.totals.rebuilds,
             tests: sums[5] as usize,
         }
+    }
+
+    /// Ends a step: books what is left of it and adds up the ranks. Collective.
+    pub(crate) fn finish(&mut self, segments: &Segments<'_>) {
+        self.book(segments);
+        self.load_step = 0.0;
+        let totals = &mut self.totals;
+        let work = std::mem::take(&mut totals.walls.work);
+        let (lost, crossings) = (&mut totals.dissipated, &mut totals.crossings);
+        let mut sums = [std::mem::take(lost), work, std::mem::take(crossings)];
+        self.communicator.sum_slice(&mut sums);
+        for (settled, sum) in self.settled.iter_mut().zip(sums) {
+            *settled += sum;
+        }
+    }
+
+    /// Loss \[J\], work of walls \[J\] and crossings since the first step of the first run, over all ranks.
+    pub fn settled(&self) -> [f64; 3] {
+        self.settled
+    }
+
+    /// Takes over the sums of an earlier run.
+    pub fn set_settled(&mut self, settled: [f64; 3]) {
+        self.settled = settled;
     }
 
     /// Friction springs for a checkpoint: each contact once over all ranks, at the owner of its first segment.

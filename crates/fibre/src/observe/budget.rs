@@ -102,8 +102,6 @@ pub(crate) struct Accounts {
     orientation: Vec<Quaternion>,
     /// Viscous power in the material of every fibre \[W\].
     power: Vec<f64>,
-    /// Loss in contacts and work of walls before the run was resumed \[J\], the same on every rank.
-    pub before: [f64; 2],
 }
 
 impl FibreSystem {
@@ -145,11 +143,10 @@ impl FibreSystem {
         })
     }
 
-    /// Loss in contacts and work of walls since the first step of the first run \[J\]. Collective.
+    /// Loss in contacts and work of walls since the first step of the first run \[J\].
     pub(crate) fn contact_works(&self) -> [f64; 2] {
-        let contacts = self.contacts().map(ContactSystem::statistics);
-        let now = contacts.map_or([0.0; 2], |c| [c.dissipated_energy, c.wall_work]);
-        [0, 1].map(|k| self.accounts.before[k] + now[k])
+        let [loss, work, _] = self.contacts().map_or([0.0; 3], ContactSystem::settled);
+        [loss, work]
     }
 
     /// Kinetic and elastic energy of a local fibre \[J\].
