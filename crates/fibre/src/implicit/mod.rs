@@ -137,6 +137,43 @@ pub(crate) struct Done {
     pub converged: bool,
 }
 
+/// How the number of equal sub-steps of a step follows their estimated error.
+struct Refinement {
+    sub_steps: usize,
+    times: usize,
+}
+
+impl Refinement {
+    fn start() -> Self {
+        Self {
+            sub_steps: 1,
+            times: 0,
+        }
+    }
+
+    /// What came of the step, given the largest error of a sub-step (none without an answer) and its limit; `None` when it
+    /// is to be done again in more sub-steps.
+    fn judge(&mut self, error: Option<f64>, limit: f64) -> Option<Done> {
+        let n = self.sub_steps;
+        let wanted = match error {
+            Some(error) if error > limit && self.times < MOST_REFINEMENTS => {
+                self.times += 1;
+                // The error of a sub-step is of third order where it is resolved.
+                let ratio = (error / limit).cbrt();
+                (1.1 * n as f64 * ratio).ceil() as usize
+            }
+            Some(_) => n,
+            None => 2 * n,
+        };
+        self.sub_steps = wanted.min(MOST_SUB_STEPS);
+        let last = self.sub_steps == n;
+        last.then_some(Done {
+            sub_steps: n,
+            converged: error.is_some(),
+        })
+    }
+}
+
 /// What acts on one fibre in a step.
 #[derive(Clone, Copy)]
 struct Action<'a> {
@@ -203,39 +240,18 @@ impl Batch<'_> {
     }
 
     fn sub_cycle(&mut self, action: &Action, work: &mut Workspace, dt: f64) -> Done {
-        let (mut n, mut refined) = (1, 0);
+        let mut refinement = Refinement::start();
         loop {
+            let n = refinement.sub_steps;
             self.reaction_force.fill(Vector3::zeros());
             self.reaction_torque.fill(Vector3::zeros());
             let error = self.sub_steps(action, work, dt, n);
-            // The error of a sub-step is of third order where it is resolved.
             let limit = action.settings.tolerance * self.largest_move(&work.first)
                 + LEAST_ERROR * action.model.fibres[self.fibres.start].length;
-            let wanted = match error {
-                Some(error) if error <= limit => n,
-                Some(_) if refined == MOST_REFINEMENTS => n,
-                Some(error) => {
-                    refined += 1;
-                    let ratio = (error / limit).cbrt();
-                    (1.1 * n as f64 * ratio).ceil().min(MOST_SUB_STEPS as f64) as usize
-                }
-                None if n < MOST_SUB_STEPS => 2 * n,
-                None => {
-                    return Done {
-                        sub_steps: n,
-                        converged: false,
-                    };
-                }
-            };
-            if wanted == n {
-                break;
+            if let Some(done) = refinement.judge(error, limit) {
+                return done;
             }
-            n = wanted;
             self.load_entries(&work.first);
-        }
-        Done {
-            sub_steps: n,
-            converged: true,
         }
     }
 

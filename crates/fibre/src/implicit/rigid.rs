@@ -6,7 +6,7 @@
 
 use super::point::Point;
 use super::rotation::{rotation_between, turned};
-use super::{Action, Done, GAMMA, MOST_SUB_STEPS};
+use super::{Action, Done, GAMMA, Refinement};
 use crate::beam::{Segment, tangent};
 use crate::hydrodynamics::DragModel;
 use crate::integrate::{Batch, Flow};
@@ -77,8 +77,9 @@ impl Batch<'_> {
     /// A rigid fibre through a whole step `dt`, in as many equal sub-steps as its error asks for.
     pub(super) fn sub_cycle_rigid(&mut self, action: &Action, body: &Body, dt: f64) -> Done {
         let first = self.body_state(action.model, body);
-        let (mut n, mut refined) = (1, false);
+        let mut refinement = Refinement::start();
         loop {
+            let n = refinement.sub_steps;
             self.reaction_force.fill(Vector3::zeros());
             self.reaction_torque.fill(Vector3::zeros());
             let mut error = Some(0.0_f64);
@@ -91,30 +92,10 @@ impl Batch<'_> {
             let length = action.model.fibres[self.fibres.start].length;
             let moved = (last.centre - first.centre).norm() + 0.5 * length * turn;
             let limit = action.settings.tolerance * moved + f64::EPSILON * length;
-            let wanted = match error {
-                Some(error) if error <= limit || refined => break,
-                Some(error) => {
-                    refined = true;
-                    let ratio = (error / limit).cbrt();
-                    (1.1 * n as f64 * ratio).ceil().min(MOST_SUB_STEPS as f64) as usize
-                }
-                None if n < MOST_SUB_STEPS => 2 * n,
-                None => {
-                    return Done {
-                        sub_steps: n,
-                        converged: false,
-                    };
-                }
-            };
-            if wanted == n {
-                break;
+            if let Some(done) = refinement.judge(error, limit) {
+                return done;
             }
-            n = wanted;
             self.place_body(body, &first);
-        }
-        Done {
-            sub_steps: n,
-            converged: true,
         }
     }
 

@@ -8,6 +8,9 @@ use std::path::{Path, PathBuf};
 /// Complete checkpoints that are kept.
 const KEPT: usize = 2;
 
+/// Changes with the layout of what a checkpoint holds; 2: fibre records say whether a fibre is rigid.
+const FORMAT: u32 = 2;
+
 #[derive(Debug, Serialize, Deserialize)]
 struct Index {
     format: u32,
@@ -77,7 +80,7 @@ pub fn write(
             crc32: seal[1] as u32,
         };
         let content = Index {
-            format: 1,
+            format: FORMAT,
             step: snapshot.step,
             files: seals.into_iter().enumerate().map(entry).collect(),
         };
@@ -169,7 +172,7 @@ fn verify(folder: &Path, communicator: &Communicator) -> Result<usize, Checkpoin
         .map_err(|e| incomplete(format!("index.json: {e}")))?;
     let index: Index =
         serde_json::from_str(&text).map_err(|e| incomplete(format!("index.json: {e}")))?;
-    if index.files.is_empty() || index.format != 1 {
+    if index.files.is_empty() || index.format != FORMAT {
         return Err(incomplete("index.json has an unknown format".to_owned()));
     }
     for k in share(communicator, index.files.len()) {
