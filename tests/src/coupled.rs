@@ -68,7 +68,7 @@ impl Coupled {
                     density: DENSITY,
                     viscosity: VISCOSITY,
                 },
-                drag: DragModel::Auto,
+                drag: DragModel::default(),
                 torque: TorqueModel::default(),
                 point_spacing: f64::INFINITY,
             }),

@@ -535,3 +535,28 @@ fn impossible_distributions() {
         &["fibres[0].placement.region", "lies outside"],
     );
 }
+
+#[test]
+fn laws_that_do_not_go_together() {
+    for (laws, wanted) in [
+        (
+            "torque = \"prolate-spheroid\"",
+            ["hydrodynamics.torque", "drag = \"prolate-spheroid\""],
+        ),
+        (
+            "drag = \"slender-body\"\nspheroid = \"bretherton\"",
+            ["hydrodynamics.spheroid", "drag = \"prolate-spheroid\""],
+        ),
+        (
+            "drag = \"infinite-cylinder\"\nslender_body = \"split\"",
+            ["hydrodynamics.slender_body", "\"slender-body\""],
+        ),
+        (
+            "slender_body = \"splitt\"",
+            ["hydrodynamics.slender_body", "did you mean `split`"],
+        ),
+    ] {
+        let bench = bench(&format!("{CASE}\n[hydrodynamics]\n{laws}\n"));
+        refused(&bench, &[], &wanted);
+    }
+}

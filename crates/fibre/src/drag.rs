@@ -15,12 +15,14 @@
 //! ```
 //!
 //! The impulse a point takes is linear in v', so the mean of v' over the sub-steps gives the *actual* mean force on the
-//! fluid to round-off. Torque is lumped: node a feels N_a w [R(Ω − ω_a) + T_s], which has the same sum over a segment.
+//! fluid to round-off. Where the law has another resistance to a linear slip ([`crate::linear_slip`]), b bᵀ ⊗ C is added
+//! to D, with b_a = Σ N_a w σ: Sherman and Morrison's formula for three columns. Torque is lumped: node a feels N_a w [R(Ω − ω_a) + T_s], which has the same sum over a segment.
 
 use crate::beam::tangent;
 use crate::blocktri::{self, BlockRow};
 use crate::hydrodynamics::{DragModel, FluidProperties, Resistance, Section, TorqueModel, spin};
 use crate::integrate::Batch;
+use crate::linear_slip::{LinearSlip, for_arms};
 use crate::points::abscissa;
 use crate::system::{Load, Model, NodeConstants};
 use crate::{Ambient, Matrix3, Vector3};
@@ -53,6 +55,10 @@ pub(crate) struct NodeDrag {
     spin_drive: Vector3,
     mean_velocity: Vector3,
     mean_spin: Vector3,
+    /// b, zero where D has no part of rank three.
+    lever: f64,
+    /// What M' changes the new velocity by, M' = Σ b v' without it.
+    by_lever: Matrix3,
 }
 
 impl NodeDrag {
@@ -65,6 +71,8 @@ impl NodeDrag {
             spin_drive: Vector3::zeros(),
             mean_velocity: Vector3::zeros(),
             mean_spin: Vector3::zeros(),
+            lever: 0.0,
+            by_lever: Matrix3::zeros(),
         }
     }
 }
@@ -77,6 +85,9 @@ pub(crate) struct PointDrag {
     spin_drag: Resistance,
     /// w T_s
     strain_torque: Vector3,
+    /// w σ, and w σ C.
+    lever: f64,
+    by_moment: Matrix3,
 }
 
 impl PointDrag {
@@ -86,12 +97,10 @@ impl PointDrag {
             drag: Resistance::default(),
             spin_drag: Resistance::default(),
             strain_torque: Vector3::zeros(),
+            lever: 0.0,
+            by_moment: Matrix3::zeros(),
         }
     }
-}
-
-pub(crate) fn tensor(r: &Resistance, t: &Vector3) -> Matrix3 {
-    Matrix3::from_diagonal_element(r.normal) + t * t.transpose() * (r.axial - r.normal)
 }
 
 fn scaled(r: Resistance, weight: f64) -> Resistance {
@@ -113,10 +122,11 @@ impl Batch<'_> {
     ) {
         let fibre = self.fibres.start;
         let constants = &model.fibres[fibre];
-        let section = Section {
-            diameter: 2.0 * constants.material.radius,
-            fibre_length: constants.length,
-        };
+        let mut section = Section::middle(2.0 * constants.material.radius, constants.length);
+        let linear = law
+            .drag
+            .linear_part(section.aspect_ratio(), law.fluid.viscosity);
+        let mut linear_slip = LinearSlip::zero();
         let nodes = &model.nodes[model.node_range(fibre)];
         for (drag, node) in self.drag.iter_mut().zip(nodes) {
             *drag = NodeDrag::zero();
@@ -124,10 +134,12 @@ impl Batch<'_> {
         }
         let segments = model.segment_range(fibre);
         let first = model.points[segments.start];
+        let mut along = -0.5 * constants.length;
         for (i, s) in segments.enumerate() {
             let range = model.points[s]..model.points[s + 1];
             let count = range.len();
-            let weight = model.segments[s].rest_length / count as f64;
+            section.segment_length = model.segments[s].rest_length;
+            let weight = section.segment_length / count as f64;
             let t = (self.position[i + 1] - self.position[i]).normalize();
             for (k, p) in range.enumerate() {
                 let xi = abscissa(k, count);
@@ -136,19 +148,26 @@ impl Batch<'_> {
                 let slip = ambient.velocity_at(p, 0.5)
                     - self.velocity[i] * (1.0 - xi)
                     - self.velocity[i + 1] * xi;
+                let arm = along + section.segment_length * xi;
+                section.place = 2.0 * arm / constants.length;
                 let torque = law.torque.torque(&t, gradient, &section, &law.fluid);
+                let local = law.drag.resistance(&t, &slip, &section, &law.fluid);
+                if linear.is_some() {
+                    linear_slip.add(weight * arm, arm, &slip, &local);
+                }
                 let point = PointDrag {
                     tangent: t,
-                    drag: scaled(law.drag.resistance(&t, &slip, &section, &law.fluid), weight),
+                    drag: scaled(local, weight),
                     spin_drag: Resistance {
                         normal: torque.resistance_normal * weight,
                         axial: torque.resistance_axial * weight,
                     },
                     strain_torque: torque.strain_torque * weight,
+                    ..PointDrag::zero()
                 };
                 self.point_drag[p - first] = point;
-                let z = tensor(&point.drag, &t);
-                let r = tensor(&point.spin_drag, &t);
+                let z = point.drag.tensor(&t);
+                let r = point.spin_drag.tensor(&t);
                 let zu = z * u;
                 let change = ambient.change.get(p).map_or(Vector3::zeros(), |c| z * c);
                 let turning = r * spin(gradient) + point.strain_torque;
@@ -164,6 +183,7 @@ impl Batch<'_> {
                 self.drag[i].row.upper += mutual;
                 self.drag[i + 1].row.lower += mutual;
             }
+            along += section.segment_length;
         }
         for (drag, node) in self.drag.iter_mut().zip(nodes) {
             if node.holds_translation {
@@ -174,6 +194,64 @@ impl Batch<'_> {
             }
         }
         blocktri::factor(self.drag, |drag| &mut drag.row);
+        if let Some(linear) = linear {
+            self.prepare_linear_slip(model, &linear, &linear_slip, ambient, step);
+        }
+    }
+
+    /// Adds the part of rank three to drag and drive, and solves for its columns.
+    fn prepare_linear_slip(
+        &mut self,
+        model: &Model,
+        linear: &Resistance,
+        slip: &LinearSlip,
+        ambient: &Ambient,
+        step: f64,
+    ) {
+        let fibre = self.fibres.start;
+        let last = self.position.len() - 1;
+        let span = self.position[last] - self.position[0];
+        let c = slip.drag(linear, &span, model.fibres[fibre].length).tensor;
+        let first = model.points[model.segment_range(fibre).start];
+        let (mut drive, mut change) = (Vector3::zeros(), Vector3::zeros());
+        for_arms(model, fibre, |i, p, xi, weight, arm| {
+            let lever = weight * arm;
+            let point = &mut self.point_drag[p];
+            point.lever = lever;
+            point.by_moment = c * lever;
+            self.drag[i].lever += lever * (1.0 - xi);
+            self.drag[i + 1].lever += lever * xi;
+            drive += ambient.velocity[first + p] * lever;
+            change += ambient
+                .change
+                .get(first + p)
+                .map_or(Vector3::zeros(), |c| c * lever);
+        });
+        let nodes = &model.nodes[model.node_range(fibre)];
+        let mut above = Matrix3::zeros();
+        for (drag, node) in self.drag.iter_mut().zip(nodes) {
+            let share = if node.holds_translation {
+                0.0
+            } else {
+                drag.lever
+            };
+            drag.drive += c * drive * share;
+            drag.drive_change += c * change * share;
+            let own = Matrix3::from_diagonal_element(share);
+            above = drag.row.diagonal * (own - drag.row.lower * above);
+            drag.by_lever = above;
+        }
+        let (mut below, mut taken) = (Matrix3::zeros(), Matrix3::zeros());
+        for drag in self.drag.iter_mut().rev() {
+            drag.by_lever -= drag.row.upper * below;
+            below = drag.by_lever;
+            taken += below * drag.lever;
+        }
+        let damped = Matrix3::identity() + c * taken * step;
+        let answer = blocktri::inverse(&damped) * c * step;
+        for drag in self.drag.iter_mut() {
+            drag.by_lever = -drag.by_lever * answer;
+        }
     }
 
     /// Changes one fibre's velocities by `load` and drag over `step`, adds `share` of the new ones to the means and
@@ -201,17 +279,37 @@ impl Batch<'_> {
             *v = above;
         }
         let mut below = Vector3::zeros();
-        for (v, drag) in self.velocity.iter_mut().zip(self.drag.iter_mut()).rev() {
+        let mut moment = Vector3::zeros();
+        for (v, drag) in self.velocity.iter_mut().zip(self.drag.iter()).rev() {
             *v -= drag.row.upper * below;
             below = *v;
-            drag.mean_velocity += below * share;
+            moment += below * drag.lever;
         }
+        for (v, drag) in self.velocity.iter_mut().zip(self.drag.iter_mut()) {
+            *v += drag.by_lever * moment;
+            drag.mean_velocity += *v * share;
+        }
+    }
+
+    /// Mean slip at a point of segment `i`.
+    fn mean_slip(&self, i: usize, point: usize, xi: f64, ambient: &Ambient) -> Vector3 {
+        // The mean of a uniform change is that in the middle.
+        ambient.velocity_at(point, 0.5)
+            - self.drag[i].mean_velocity * (1.0 - xi)
+            - self.drag[i + 1].mean_velocity * xi
     }
 
     /// Mean force and torque of one fibre on the fluid at its points.
     pub fn react(&mut self, model: &Model, ambient: &Ambient) {
         let segments = model.segment_range(self.fibres.start);
         let first = model.points[segments.start];
+        let mut moment = Vector3::zeros();
+        for_arms(model, self.fibres.start, |i, p, xi, _, _| {
+            let lever = self.point_drag[p].lever;
+            if lever != 0.0 {
+                moment += self.mean_slip(i, first + p, xi, ambient) * lever;
+            }
+        });
         for (i, s) in segments.enumerate() {
             let range = model.points[s]..model.points[s + 1];
             let count = range.len();
@@ -220,12 +318,10 @@ impl Batch<'_> {
                 let xi = abscissa(k, count);
                 let point = &self.point_drag[p - first];
                 let t = &point.tangent;
-                // The mean of a uniform change is that in the middle.
-                let slip = ambient.velocity_at(p, 0.5)
-                    - a.mean_velocity * (1.0 - xi)
-                    - b.mean_velocity * xi;
+                let slip = self.mean_slip(i, p, xi, ambient);
                 let turn = spin(&ambient.gradient[p]) - a.mean_spin * (1.0 - xi) - b.mean_spin * xi;
-                self.reaction_force[p - first] = -point.drag.force(t, &slip);
+                self.reaction_force[p - first] =
+                    -(point.drag.force(t, &slip) + point.by_moment * moment);
                 self.reaction_torque[p - first] =
                     -(point.spin_drag.force(t, &turn) + point.strain_torque);
             }

@@ -15,6 +15,7 @@ mod error;
 mod implicit;
 mod integrate;
 mod lanes;
+mod linear_slip;
 mod migrate;
 mod observe;
 mod periodic;

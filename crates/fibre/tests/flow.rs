@@ -53,7 +53,7 @@ fn what_the_fibres_gain_the_fluid_and_the_outside_lose() {
         velocity: 3.0,
         wavelength: 5.0,
     };
-    for drag in [SLENDER, DragModel::InfiniteCylinder, DragModel::Auto] {
+    for drag in [SLENDER, DragModel::InfiniteCylinder, DragModel::default()] {
         let mut settings = settings(drag, TorqueModel::default());
         settings.gravity = Vector3::new(0.0, 0.0, -2.0);
         settings.buoyant_density = 1.0;
@@ -266,7 +266,7 @@ fn hard_cases_stay_bounded() {
         let material = Material::new(1e-5, modulus, 0.3, density);
         let place = |i: usize| Vector3::new(0.0, 1e-4 * i as f64, 2e-5 * (i * i) as f64);
         let fibre = Fibre::new(9, material, (0..=8).map(place).collect());
-        let mut law = hydrodynamics(DragModel::Auto, TorqueModel::default());
+        let mut law = hydrodynamics(DragModel::default(), TorqueModel::default());
         law.fluid = FluidProperties {
             density: 1e3,
             viscosity: 1e-3,

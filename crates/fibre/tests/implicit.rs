@@ -210,7 +210,7 @@ fn history(youngs_modulus: f64, r_p: f64, integrator: Integrator, parts: usize) 
     let mut s = system(
         fibre,
         FibreSettings {
-            hydrodynamics: Some(hydrodynamics(1000.0, 1e-3, DragModel::Auto)),
+            hydrodynamics: Some(hydrodynamics(1000.0, 1e-3, DragModel::default())),
             ..settings(integrator)
         },
     );
@@ -321,7 +321,7 @@ fn a_free_fibre_and_the_fluid_exchange_momentum_exactly() {
             Fibre::new(1, material, nodes.collect()),
             FibreSettings {
                 gravity: Vector3::z() * -9.0,
-                hydrodynamics: Some(hydrodynamics(1.0, 0.01, DragModel::Auto)),
+                hydrodynamics: Some(hydrodynamics(1.0, 0.01, DragModel::default())),
                 ..settings(fixed(linear))
             },
         );
@@ -399,7 +399,7 @@ fn a_rigid_fibre_is_the_limit_of_a_stiff_one() {
             nodes.collect(),
         );
         fibre.rigid = rigid;
-        let hydrodynamics = hydrodynamics(1.0, 0.1, DragModel::Auto);
+        let hydrodynamics = hydrodynamics(1.0, 0.1, DragModel::default());
         system(
             fibre,
             FibreSettings {

@@ -16,7 +16,7 @@ fn settings() -> FibreSettings {
                 density: 1.0,
                 viscosity: 0.1,
             },
-            drag: DragModel::Auto,
+            drag: DragModel::default(),
             torque: TorqueModel::default(),
             point_spacing: 0.1,
         }),

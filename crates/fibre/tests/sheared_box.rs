@@ -170,7 +170,7 @@ fn a_suspension_in_shear_crosses_the_box() {
                 density: 10.0,
                 viscosity: 10.0,
             },
-            drag: DragModel::Auto,
+            drag: DragModel::default(),
             torque: TorqueModel::default(),
             point_spacing: f64::INFINITY,
         }),

@@ -5,10 +5,15 @@
 mod ambient;
 mod cylinder;
 mod drag;
+mod slender;
+mod spheroid;
 mod torque;
 
 pub use ambient::AmbientFlow;
-pub use drag::{DragModel, Resistance, SlenderConstants};
+pub(crate) use drag::larger;
+pub use drag::{DragModel, DragResponse, Resistance};
+pub use slender::SlenderConstants;
+pub use spheroid::SpheroidRatio;
 pub use torque::{TorqueLaw, TorqueModel, cox_aspect_ratio, spin};
 
 /// The fluid around a fibre.
@@ -27,6 +32,10 @@ pub struct Section {
     pub diameter: f64,
     /// Length L of the whole fibre \[m\].
     pub fibre_length: f64,
+    /// Length l of the segment \[m\].
+    pub segment_length: f64,
+    /// Place x along the fibre: −1 at its start, 1 at its end.
+    pub place: f64,
 }
 
 /// ζ⊥ γ̇ L⁴/EI of a fibre in shear: viscous load by bending stiffness. A straight fibre buckles above
@@ -40,6 +49,16 @@ pub fn flexibility(section: &Section, bending_stiffness: f64, viscosity: f64, ra
 pub const BUCKLING_FLEXIBILITY: f64 = 153.2;
 
 impl Section {
+    /// The middle of a fibre of one segment.
+    pub fn middle(diameter: f64, fibre_length: f64) -> Self {
+        Self {
+            diameter,
+            fibre_length,
+            segment_length: fibre_length,
+            place: 0.0,
+        }
+    }
+
     /// Aspect ratio r_p = L/d, at least 2: slender-body denominators vanish near r_p = 1.
     pub fn aspect_ratio(&self) -> f64 {
         (self.fibre_length / self.diameter).max(2.0)

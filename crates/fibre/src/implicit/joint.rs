@@ -340,7 +340,7 @@ impl Part {
 
     fn precondition(&mut self) {
         self.work.rhs.copy_from_slice(&self.residual);
-        super::blocks::solve(&self.work.rows, &mut self.work.rhs);
+        self.work.solve();
         self.dot = dot(&self.residual, &self.work.rhs);
     }
 
@@ -400,7 +400,7 @@ impl Batch<'_> {
         self.add_contacts(action.model, contacts);
         self.assemble(action, &mut part.work, h, moment);
         self.load.fill(Load::ZERO);
-        super::blocks::factor(&mut part.work.rows);
+        part.work.factor();
         part.residual.copy_from_slice(&part.work.rhs);
         part.answer.fill(Vector6::zeros());
         part.precondition();

@@ -15,10 +15,13 @@
 
 mod blocks;
 mod joint;
+mod low_rank;
 mod point;
 mod rigid;
 mod rotation;
 mod stage;
+#[cfg(test)]
+mod tests;
 
 pub(crate) use joint::{Joint, Parties};
 pub(crate) use rigid::Body;
@@ -27,6 +30,7 @@ use crate::integrate::{Batch, Flow};
 use crate::system::{Load, Model};
 use crate::{Quaternion, Vector3};
 use blocks::Row;
+use low_rank::LowRank;
 use nalgebra::{Matrix3, Vector6};
 use std::cell::RefCell;
 
@@ -123,6 +127,7 @@ struct Workspace {
     middle: Vec<[Vector3; 2]>,
     /// Inertia and lumped drag of position and rotation in the matrix, for the error estimate.
     slow: Vec<[Matrix3<f64>; 2]>,
+    low_rank: LowRank,
 }
 
 thread_local! {
@@ -346,5 +351,6 @@ impl Workspace {
         self.entry.resize(nodes, entry);
         self.middle.resize(nodes, [Vector3::zeros(); 2]);
         self.slow.resize(nodes, [Matrix3::zeros(); 2]);
+        self.low_rank.resize(nodes);
     }
 }

@@ -8,8 +8,8 @@ use super::point::Point;
 use super::rotation::{rotation_between, turned};
 use super::{Action, Done, GAMMA, Refinement};
 use crate::beam::{Segment, tangent};
-use crate::hydrodynamics::DragModel;
-use crate::integrate::{Batch, Flow};
+use crate::integrate::Batch;
+use crate::linear_slip::LinearSlip;
 use crate::system::{Model, NodeConstants};
 use crate::{Matrix3, Quaternion, Vector3};
 use nalgebra::{Matrix6, Vector6};
@@ -247,10 +247,11 @@ impl Batch<'_> {
                 &(given.torque + load.torque),
             );
         }
-        let Some(Flow { law, .. }) = action.flow else {
-            return (matrix, rhs);
-        };
-        let nonlinear = matches!(law.drag, DragModel::Auto | DragModel::InfiniteCylinder);
+        let linear = self.linear_part(action);
+        let mut linear_slip = LinearSlip::zero();
+        // A = Σ w σ arm, Σ w σ δs by place and by rotation.
+        let mut lever_arm = Vector3::zeros();
+        let (mut by_place, mut by_rotation) = (Matrix3::zeros(), Matrix3::zeros());
         self.for_points(action, moment, |i, _, point: &Point| {
             let span = self.position[i + 1] - self.position[i];
             let arm = self.position[i] + span * point.xi - state.centre;
@@ -258,7 +259,8 @@ impl Batch<'_> {
             let turning = point.spin_tensor() * point.weight;
             let torque = turning * (point.spin - state.spin) + point.strain_torque * point.weight;
             push(&arm, &force, &torque);
-            let (by_slip, by_span) = point.derivatives(law, nonlinear, tau);
+            let (by_slip, by_span) = point.derivatives(tau);
+            let by_spin = point.torque_by_span(&state.spin) * span.cross_matrix();
             let lever = arm.cross_matrix();
             // δf = −(by_slip/τ)(δx − arm × δθ) − by_span (span × δθ), δ(arm) = −arm × δθ.
             let by_turn = -by_slip * lever + by_span * span.cross_matrix();
@@ -269,14 +271,40 @@ impl Batch<'_> {
                 (
                     3,
                     3,
-                    lever * by_turn - force.cross_matrix() * lever + turning / tau,
+                    lever * by_turn - force.cross_matrix() * lever + turning / tau + by_spin,
                 ),
             ];
             for (row, column, part) in parts {
                 let mut view = matrix.fixed_view_mut::<3, 3>(row, column);
                 view += part;
             }
+            if linear.is_none() {
+                return;
+            }
+            let weight = point.weight * point.arm;
+            linear_slip.add(weight, point.arm, &point.slip, &point.drag.resistance);
+            let rate = point.rate(tau) * weight;
+            lever_arm += arm * weight;
+            by_place -= rate;
+            by_rotation += rate * lever;
         });
+        if let Some(linear) = linear {
+            let drag = self.linear_drag(action, &linear, &linear_slip);
+            let last = self.position.len() - 1;
+            let span = self.position[last] - self.position[0];
+            let slip = &linear_slip.moment;
+            let pull = drag.tensor * slip;
+            let arm = lever_arm.cross_matrix();
+            let by_rotation = drag.tensor * by_rotation - drag.by_span(slip) * span.cross_matrix();
+            let torque = lever_arm.cross(&pull);
+            for c in 0..3 {
+                rhs[3 + c] += torque[c];
+            }
+            let mut view = matrix.fixed_view_mut::<3, 3>(3, 0);
+            view -= arm * drag.tensor * by_place;
+            let mut view = matrix.fixed_view_mut::<3, 3>(3, 3);
+            view -= arm * by_rotation + pull.cross_matrix() * arm;
+        }
         (matrix, rhs)
     }
 }

@@ -1,12 +1,12 @@
 //! One sub-step of one fibre: two stages, their equations and their solution.
 
-use super::blocks::{Row, add, add_stiffness, factor, hold, solve, symmetrise};
+use super::blocks::{Row, add, add_stiffness, hold, symmetrise};
 use super::rotation::{rotation_between, turned};
 use super::{Action, Base, GAMMA, Workspace};
 use crate::beam::{Motion as EndMotion, Pose, SegmentForce, tangent};
-use crate::drag::tensor;
-use crate::hydrodynamics::DragModel;
-use crate::integrate::{Batch, Flow};
+use crate::hydrodynamics::Resistance;
+use crate::integrate::Batch;
+use crate::linear_slip::{LinearDrag, LinearSlip, for_arms};
 use crate::system::NodeConstants;
 use crate::{Matrix3, Quaternion, Vector3};
 use nalgebra::Vector6;
@@ -81,8 +81,8 @@ impl Batch<'_> {
         }
         for _ in 0..MOST_ITERATIONS {
             self.assemble(action, work, tau, moment);
-            factor(&mut work.rows);
-            solve(&work.rows, &mut work.rhs);
+            work.factor();
+            work.solve();
             let (mut moved, mut turned) = (0.0_f64, 0.0_f64);
             for change in &work.rhs {
                 moved = moved.max(change.fixed_rows::<3>(0).norm() * scale);
@@ -165,6 +165,10 @@ impl Batch<'_> {
                     hold(&mut work.rows[i], &mut work.rhs[i], first);
                 }
             }
+            if node.holds_translation {
+                work.low_rank.share[i] = 0.0;
+                work.low_rank.response[i] = Matrix3::zeros();
+            }
         }
     }
 
@@ -209,10 +213,9 @@ impl Batch<'_> {
 
     /// Drag and hydrodynamic torque with the laws of the present state.
     fn add_drag(&mut self, action: &Action, work: &mut Workspace, tau: f64, moment: f64) {
-        let Some(Flow { law, .. }) = action.flow else {
-            return;
-        };
-        let nonlinear = matches!(law.drag, DragModel::Auto | DragModel::InfiniteCylinder);
+        work.low_rank.clear();
+        let linear = self.linear_part(action);
+        let mut linear_slip = LinearSlip::zero();
         self.for_points(action, moment, |i, _, point| {
             let shares = [1.0 - point.xi, point.xi];
             let force = point.force();
@@ -222,8 +225,8 @@ impl Batch<'_> {
                 let torque = (turning * relative + point.strain_torque) * (point.weight * share);
                 work.rhs[i + end] += stacked(&(force * share), &torque);
             }
-            let z = tensor(&point.drag, &point.tangent);
-            let (by_slip, by_span) = point.derivatives(law, nonlinear, tau);
+            let z = point.drag.resistance.tensor(&point.tangent);
+            let (by_slip, by_span) = point.derivatives(tau);
             let spin_drag = turning * (point.weight / tau);
             for (end, share) in shares.into_iter().enumerate() {
                 let row = &mut work.rows[i + end];
@@ -235,15 +238,80 @@ impl Batch<'_> {
                     let sign = if other == 0 { 1.0 } else { -1.0 };
                     by_slip * (share * shares[other]) + by_span * (share * sign)
                 };
-                if end == 0 {
-                    add(&mut row.diagonal, 0, 0, &onto(0));
-                    add(&mut row.upper, 0, 0, &onto(1));
+                let twisting = point.torque_by_span(&point.angular_velocity[end]) * share;
+                let (first, second) = if end == 0 {
+                    (&mut row.diagonal, &mut row.upper)
                 } else {
-                    add(&mut row.lower, 0, 0, &onto(0));
-                    add(&mut row.diagonal, 0, 0, &onto(1));
-                }
+                    (&mut row.lower, &mut row.diagonal)
+                };
+                add(first, 0, 0, &onto(0));
+                add(second, 0, 0, &onto(1));
+                add(first, 3, 0, &twisting);
+                add(second, 3, 0, &-twisting);
+            }
+            if linear.is_none() {
+                return;
+            }
+            let lever = point.weight * point.arm;
+            linear_slip.add(lever, point.arm, &point.slip, &point.drag.resistance);
+            let low = &mut work.low_rank;
+            let response = if action.symmetric {
+                Matrix3::from_diagonal_element(lever / tau)
+            } else {
+                point.rate(tau) * lever
+            };
+            for (end, share) in shares.into_iter().enumerate() {
+                low.share[i + end] += lever * share;
+                low.response[i + end] -= response * share;
             }
         });
+        if let Some(linear) = linear {
+            let drag = self.linear_drag(action, &linear, &linear_slip);
+            self.add_linear_drag(action, work, &drag, &linear_slip.moment);
+        }
+    }
+
+    /// What the law has for the linear part of the slip.
+    pub(super) fn linear_part(&self, action: &Action) -> Option<Resistance> {
+        let law = action.flow?.law;
+        let constants = &action.model.fibres[self.fibres.start];
+        let ratio = constants.length / (2.0 * constants.material.radius);
+        law.drag.linear_part(ratio, law.fluid.viscosity)
+    }
+
+    /// The tensor that acts on the linear part of the slip.
+    pub(super) fn linear_drag(
+        &self,
+        action: &Action,
+        linear: &Resistance,
+        slip: &LinearSlip,
+    ) -> LinearDrag {
+        let last = self.position.len() - 1;
+        let span = self.position[last] - self.position[0];
+        slip.drag(linear, &span, action.model.fibres[self.fibres.start].length)
+    }
+
+    /// Force C M on the shares of the nodes; `work.low_rank.response` is ∂M/∂x before and ∂(C M)/∂x after.
+    fn add_linear_drag(
+        &self,
+        action: &Action,
+        work: &mut Workspace,
+        drag: &LinearDrag,
+        moment: &Vector3,
+    ) {
+        let low = &mut work.low_rank;
+        low.active = true;
+        let pull = drag.tensor * moment;
+        for (i, share) in low.share.iter().enumerate() {
+            work.rhs[i] += stacked(&(pull * *share), &Vector3::zeros());
+            low.response[i] = drag.tensor * low.response[i];
+        }
+        if !action.symmetric {
+            let by_span = drag.by_span(moment);
+            let last = low.response.len() - 1;
+            low.response[0] -= by_span;
+            low.response[last] += by_span;
+        }
     }
 
     /// Adds `share` of the force and torque on the fluid in the present state.
@@ -253,6 +321,8 @@ impl Batch<'_> {
         }
         let force = std::mem::take(&mut self.reaction_force);
         let torque = std::mem::take(&mut self.reaction_torque);
+        let linear = self.linear_part(action);
+        let mut linear_slip = LinearSlip::zero();
         self.for_points(action, moment, |_, p, point| {
             let weight = share * point.weight;
             let [a, b] = point.angular_velocity;
@@ -260,7 +330,18 @@ impl Batch<'_> {
             force[p] -= point.force() * share;
             torque[p] -=
                 (point.spin_drag.force(&point.tangent, &relative) + point.strain_torque) * weight;
+            if linear.is_some() {
+                let lever = point.weight * point.arm;
+                linear_slip.add(lever, point.arm, &point.slip, &point.drag.resistance);
+            }
         });
+        if let Some(linear) = linear {
+            let drag = self.linear_drag(action, &linear, &linear_slip);
+            let pull = drag.tensor * linear_slip.moment * share;
+            for_arms(action.model, self.fibres.start, |_, p, _, weight, arm| {
+                force[p] -= pull * (weight * arm);
+            });
+        }
         self.reaction_force = force;
         self.reaction_torque = torque;
     }
@@ -295,7 +376,7 @@ impl Batch<'_> {
                 &free(node.holds_rotation, rotary * turned),
             );
         }
-        solve(&work.rows, &mut work.rhs);
+        work.solve();
         work.rhs.iter().fold(0.0_f64, |largest, change| {
             largest.max(change.fixed_rows::<3>(0).norm())
         })

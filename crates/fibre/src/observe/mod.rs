@@ -2,6 +2,7 @@
 
 mod budget;
 mod statistics;
+mod stress;
 
 pub use budget::Budget;
 pub(crate) use budget::{Account, Accounts};

@@ -159,6 +159,10 @@ pub struct Hydrodynamics {
     pub drag: DragLaw,
     /// Torque per length.
     pub torque: TorqueLaw,
+    /// Constants of slender-body theory, in `drag` of `auto` and `slender-body` and in `torque` of `jeffery`.
+    pub slender_body: SlenderBody,
+    /// Aspect ratio of the spheroid that stands for a segment, with `prolate-spheroid`.
+    pub spheroid: Spheroid,
 }
 
 /// Force per length on a segment.
@@ -172,8 +176,36 @@ pub enum DragLaw {
     SlenderBody,
     /// Infinite cylinder (Tomotika; Marheineke & Wegener; Taylor).
     InfiniteCylinder,
+    /// Every segment a prolate spheroid in creeping flow (Kunhappan 4.11): depends on the number of segments, for comparison.
+    ProlateSpheroid,
     /// No force.
     None,
+}
+
+/// Constants of slender-body theory.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum SlenderBody {
+    /// Those of a constant slip: ln 2 − 3/2 along, ln 2 − 1/2 across.
+    #[default]
+    Batchelor,
+    /// ln 2 − 3/2 both along and across, as Kunhappan 6.5.
+    Kunhappan,
+    /// As `batchelor`, and ln 2 − 17/6, ln 2 − 11/6 for the part of the slip that is linear along a straight fibre.
+    Split,
+    /// As `split`, with more drag near the ends.
+    Ends,
+}
+
+/// Aspect ratio r_e of a spheroid that stands for a segment of length l.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Spheroid {
+    /// 1.24 (l/d)/√ln(l/d) (Cox; Kunhappan 4.14).
+    #[default]
+    Cox,
+    /// 0.7 l/d (Bretherton; Kunhappan 4.13g).
+    Bretherton,
 }
 
 /// Torque per length on a segment.
@@ -185,6 +217,8 @@ pub enum TorqueLaw {
     Jeffery,
     /// Spin and strain terms with Kunhappan's constants (4.27, 4.28).
     Kunhappan,
+    /// Every segment a prolate spheroid (Kunhappan 4.12), with `drag` of that name.
+    ProlateSpheroid,
     /// No torque.
     None,
 }

@@ -29,7 +29,7 @@ pub use document::{Document, Place};
 pub use error::CaseError;
 pub use fibres::{
     AmbientFlow, Clamp, Coupling, CouplingMode, DragLaw, FibreGroup, Gravity, Hydrodynamics,
-    Kinematics, Placement, PointLoad, Shape, TorqueLaw,
+    Kinematics, Placement, PointLoad, Shape, SlenderBody, Spheroid, TorqueLaw,
 };
 pub use fluid::{
     ChannelProfile, Diffusion, Fluid, Forcing, Inertia, Initial, Kernels, Mass, Poisson,

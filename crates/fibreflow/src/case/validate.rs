@@ -1,8 +1,8 @@
 //! Rules that no schema can say: which keys go together, what must fit into what.
 
 use super::{
-    Case, CaseError, Clamp, ContactWall, Document, Exact, Forcing, Initial, Kinematics, MeshSource,
-    Placement, Region, Schedule, schema,
+    Case, CaseError, Clamp, ContactWall, Document, DragLaw, Exact, Forcing, Initial, Kinematics,
+    MeshSource, Placement, Region, Schedule, SlenderBody, Spheroid, TorqueLaw, schema,
 };
 
 type Checked = Result<(), Box<CaseError>>;
@@ -12,6 +12,7 @@ pub(super) fn validate(case: &Case, document: &Document) -> Checked {
     check_time(case, document)?;
     check_parts(case, document)?;
     check_fluid(case, document)?;
+    check_laws(case, document)?;
     for (k, _) in case.fibres.iter().enumerate() {
         check_group(case, k, document)?;
     }
@@ -26,6 +27,24 @@ pub(super) fn validate(case: &Case, document: &Document) -> Checked {
     check_observables(case, document)?;
     check_contact(case, document)?;
     check_exact(case, document)
+}
+
+fn check_laws(case: &Case, document: &Document) -> Checked {
+    let laws = &case.hydrodynamics;
+    let spheroid = laws.drag == DragLaw::ProlateSpheroid;
+    let slender = matches!(laws.drag, DragLaw::Auto | DragLaw::SlenderBody);
+    let (key, need) = if laws.torque == TorqueLaw::ProlateSpheroid && !spheroid {
+        ("torque", "`drag = \"prolate-spheroid\"`")
+    } else if laws.spheroid != Spheroid::default() && !spheroid {
+        ("spheroid", "`drag = \"prolate-spheroid\"`")
+    } else if laws.slender_body != SlenderBody::default() && !slender {
+        ("slender_body", "`drag` of \"auto\" or \"slender-body\"")
+    } else {
+        return Ok(());
+    };
+    let path = format!("hydrodynamics.{key}");
+    let message = format!("`{path}` needs {need}");
+    Err(document.value_error(&path, message))
 }
 
 fn check_contact(case: &Case, document: &Document) -> Checked {

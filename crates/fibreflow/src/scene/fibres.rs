@@ -3,14 +3,14 @@
 use super::population::{PlacementReport, Populate, centre_line};
 use crate::case::{
     Case, Clamp, DragLaw, FibreGroup, IntegratorKind, Kinematics, Mechanics, Placement, Shape,
-    TorqueLaw,
+    SlenderBody, Spheroid, TorqueLaw,
 };
 use crate::error::ProgramError;
 use fibreflow_coupling::FibreLoad;
 use fibreflow_fibre::contact::ContactSettings;
 use fibreflow_fibre::hydrodynamics::{
-    BUCKLING_FLEXIBILITY, DragModel, FluidProperties, Section, SlenderConstants, TorqueModel,
-    flexibility,
+    BUCKLING_FLEXIBILITY, DragModel, FluidProperties, Section, SlenderConstants, SpheroidRatio,
+    TorqueModel, flexibility,
 };
 use fibreflow_fibre::{
     Equilibrium, Fibre, FibreSettings, FibreSystem, Hydrodynamics, ImplicitSettings, Integrator,
@@ -92,10 +92,7 @@ pub fn is_rigid(
     material: &Material,
     length: f64,
 ) -> (bool, Option<f64>) {
-    let section = Section {
-        diameter: group.diameter,
-        fibre_length: length,
-    };
+    let section = Section::middle(group.diameter, length);
     match (group.kinematics, case.shear_rate()) {
         (Kinematics::Flexible, _) | (Kinematics::Auto, None) => (false, None),
         (Kinematics::Rigid, _) => (true, None),
@@ -155,7 +152,16 @@ fn settings(case: &Case, spacing: f64, contacts: Option<ContactSettings>) -> Fib
         (None, Some(ambient)) => (ambient.density, ambient.viscosity),
         (None, None) => (0.0, 0.0),
     };
-    let constants = SlenderConstants::Batchelor;
+    let constants = match case.hydrodynamics.slender_body {
+        SlenderBody::Batchelor => SlenderConstants::Batchelor,
+        SlenderBody::Kunhappan => SlenderConstants::Kunhappan,
+        SlenderBody::Split => SlenderConstants::Split,
+        SlenderBody::Ends => SlenderConstants::Ends,
+    };
+    let spheroid = match case.hydrodynamics.spheroid {
+        Spheroid::Cox => SpheroidRatio::Cox,
+        Spheroid::Bretherton => SpheroidRatio::Bretherton,
+    };
     FibreSettings {
         gravity: case.gravity.acceleration.into(),
         buoyant_density: fluid.0,
@@ -165,14 +171,16 @@ fn settings(case: &Case, spacing: f64, contacts: Option<ContactSettings>) -> Fib
                 viscosity: fluid.1,
             },
             drag: match case.hydrodynamics.drag {
-                DragLaw::Auto => DragModel::Auto,
+                DragLaw::Auto => DragModel::Auto(constants),
                 DragLaw::SlenderBody => DragModel::SlenderBody(constants),
                 DragLaw::InfiniteCylinder => DragModel::InfiniteCylinder,
+                DragLaw::ProlateSpheroid => DragModel::ProlateSpheroid(spheroid),
                 DragLaw::None => DragModel::None,
             },
             torque: match case.hydrodynamics.torque {
                 TorqueLaw::Jeffery => TorqueModel::Jeffery(constants),
                 TorqueLaw::Kunhappan => TorqueModel::Kunhappan,
+                TorqueLaw::ProlateSpheroid => TorqueModel::ProlateSpheroid(spheroid),
                 TorqueLaw::None => TorqueModel::None,
             },
             point_spacing: spacing,
