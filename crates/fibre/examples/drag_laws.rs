@@ -36,8 +36,8 @@ fn main() {
         header += &format!(",cn_{name},cl_{name},slope_{name},axial_slope_{name}");
     }
     println!("{header}");
-    for k in 0..=480 {
-        let re = 10f64.powf(-4.0 + f64::from(k) / 60.0);
+    for k in 0..=960 {
+        let re = 10f64.powf(-4.0 + f64::from(k) / 120.0);
         let mut line = format!("{re:e}");
         for (_, model, ratio) in &models {
             // With d = ρ = μ = 1 a normal slip of Re; f = ½ Re C slip.

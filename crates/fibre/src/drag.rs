@@ -278,16 +278,19 @@ impl Batch<'_> {
             above = drag.row.diagonal * (impulse - drag.row.lower * above);
             *v = above;
         }
-        let mut below = Vector3::zeros();
-        let mut moment = Vector3::zeros();
-        for (v, drag) in self.velocity.iter_mut().zip(self.drag.iter()).rev() {
+        let (mut below, mut moment) = (Vector3::zeros(), Vector3::zeros());
+        for (v, drag) in self.velocity.iter_mut().zip(self.drag.iter_mut()).rev() {
             *v -= drag.row.upper * below;
             below = *v;
+            drag.mean_velocity += below * share;
             moment += below * drag.lever;
         }
-        for (v, drag) in self.velocity.iter_mut().zip(self.drag.iter_mut()) {
-            *v += drag.by_lever * moment;
-            drag.mean_velocity += *v * share;
+        if self.drag[0].lever != 0.0 {
+            for (v, drag) in self.velocity.iter_mut().zip(self.drag.iter_mut()) {
+                let change = drag.by_lever * moment;
+                *v += change;
+                drag.mean_velocity += change * share;
+            }
         }
     }
 
