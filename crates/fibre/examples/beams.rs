@@ -114,7 +114,7 @@ fn relax(trial: &mut Trial) -> Result<(), Box<dyn Error>> {
         trial.system.velocities_mut().fill(Vector3::zeros());
         trial.system.angular_velocities_mut().fill(Vector3::zeros());
         peak = peak.max(last);
-        if last < 1e-14 * peak {
+        if last < 1e-20 * peak {
             return Ok(());
         }
         last = 0.0;

@@ -19,11 +19,22 @@
 //! Kuzkin & Asonov 2012, Phys. Rev. E 86, 051301, with angles in place of cosines). Total strains do not drift, unlike
 //! the rates of Kunhappan 2018, eqs. 3.11–3.17. Nothing changes under rigid motion, so linear and angular momentum
 //! are kept.
+//!
+//! A beam that gives way to shear (Timoshenko) has, with Φ = 12EI/(κGA l₀²), 3/(1 + Φ) for 3 and (2 − Φ)/(2(1 + Φ)) for
+//! the factor 1 of δ². A section that bends more easily one way, EI₂ in the plane of the first two axes of the end
+//! frames and EI₃ in that of the first and third, adds with u = a₂·t, w = a₃·t of either end and
+//! r = (EI₂ − EI₃)/(EI₂ + EI₃), EI being the mean of the two,
+//!
+//! ```text
+//! U' = r (EI/l₀)[3 u_a² + 3 u_b² − (u_a − u_b)² − 3 w_a² − 3 w_b² + (w_a − w_b)²]
+//! ```
 
 use crate::{Quaternion, Vector3};
 
+mod flat;
 mod tangent;
 
+use flat::Slopes;
 pub use tangent::SegmentStiffness;
 
 /// Constants of one segment: stiffness over rest length and the stress-free end frames.
@@ -33,8 +44,14 @@ pub struct Segment {
     pub rest_length: f64,
     /// EA/l₀ \[N/m\].
     pub axial: f64,
-    /// EI/l₀ \[N·m\].
+    /// Radius of the section; of the round one of the same area if it is not round \[m\].
+    pub radius: f64,
+    /// EI/l₀, over 1 + Φ with shear \[N·m\].
     pub bending: f64,
+    /// EI/l₀ times (2 − Φ)/(2(1 + Φ)): the same without shear \[N·m\].
+    pub mutual: f64,
+    /// r, between −1 and 1; 0 for a section that bends alike in all directions.
+    pub flatness: f64,
     /// GJ/l₀ \[N·m\].
     pub torsion: f64,
     /// Kelvin–Voigt retardation time \[s\]: damping matrix = this × stiffness matrix.
@@ -72,6 +89,14 @@ pub struct SegmentForce {
     pub start_torque: Vector3,
     /// Torque on the second node \[N·m\].
     pub end_torque: Vector3,
+}
+
+impl std::ops::AddAssign for SegmentForce {
+    fn add_assign(&mut self, other: Self) {
+        self.force += other.force;
+        self.start_torque += other.start_torque;
+        self.end_torque += other.end_torque;
+    }
 }
 
 /// Elastic energy of a segment by kind \[J\].
@@ -131,7 +156,7 @@ impl Strain {
         let (a, b, t) = (&self.start_tangent, &self.end_tangent, &self.chord);
         let slope_a = 3.0 * segment.bending * squared_angle_slope(a, t);
         let slope_b = 3.0 * segment.bending * squared_angle_slope(b, t);
-        let mutual = a.cross(b) * (segment.bending * squared_angle_slope(a, b));
+        let mutual = a.cross(b) * (segment.mutual * squared_angle_slope(a, b));
         // ∂τ/∂(rotation of b) = (a + b)/(1 + a·b)
         let torsion = (a + b) * (segment.torsion * twist / (1.0 + a.dot(b)));
         let pull = a * slope_a + b * slope_b;
@@ -217,10 +242,15 @@ impl Segment {
         let e = Strain::new(self, start, end);
         let (a, b, t) = (&e.start_tangent, &e.end_tangent, &e.chord);
         let twist = 2.0 * arc_tangent(e.half_twist);
+        let round = 3.0 * self.bending * (squared_angle(a, t) + squared_angle(b, t))
+            - self.mutual * squared_angle(a, b);
+        let flat = match self.flatness {
+            0.0 => 0.0,
+            _ => Slopes::new(self, start, end, &e).energy(self),
+        };
         ElasticEnergy {
             stretching: 0.5 * self.axial * (e.length - self.rest_length).powi(2),
-            bending: self.bending
-                * (3.0 * (squared_angle(a, t) + squared_angle(b, t)) - squared_angle(a, b)),
+            bending: round + flat,
             torsion: 0.5 * self.torsion * twist * twist,
         }
     }
@@ -229,10 +259,15 @@ impl Segment {
     #[inline(always)]
     pub fn elastic_force(&self, start: Pose, end: Pose) -> SegmentForce {
         let e = Strain::new(self, start, end);
-        e.force(self, 2.0 * arc_tangent(e.half_twist))
+        let mut force = e.force(self, 2.0 * arc_tangent(e.half_twist));
+        if self.flatness != 0.0 {
+            force += Slopes::new(self, start, end, &e).force(self, &e);
+        }
+        force
     }
 
-    /// Kelvin–Voigt force: retardation time × stiffness × strain rates. Dissipative, and zero in a rigid motion.
+    /// Kelvin–Voigt force: retardation time × stiffness of the round section × strain rates. Dissipative, and zero in a
+    /// rigid motion.
     pub fn viscous_force(
         &self,
         start: Pose,
@@ -249,9 +284,9 @@ impl Segment {
         let a = across(start_motion.angular_velocity - spin);
         let b = across(end_motion.angular_velocity - spin);
         let twist = (end_motion.angular_velocity - start_motion.angular_velocity).dot(&t);
-        let bending = 2.0 * self.retardation * self.bending;
-        let start_bend = (a * 2.0 + b) * -bending;
-        let end_bend = (a + b * 2.0) * -bending;
+        let (own, other) = self.end_stiffness();
+        let start_bend = (a * own + b * other) * -self.retardation;
+        let end_bend = (a * other + b * own) * -self.retardation;
         let torsion = t * (self.retardation * self.torsion * twist);
         SegmentForce {
             force: t.cross(&(start_bend + end_bend)) / length
@@ -259,6 +294,12 @@ impl Segment {
             start_torque: start_bend + torsion,
             end_torque: end_bend - torsion,
         }
+    }
+
+    /// Torque by the angle of the same end and by that of the other one, for small angles: 4EI/l₀ and 2EI/l₀ without
+    /// shear \[N·m\].
+    fn end_stiffness(&self) -> (f64, f64) {
+        (6.0 * self.bending - 2.0 * self.mutual, 2.0 * self.mutual)
     }
 
     /// Bound of the squared angular frequency \[1/s²\] of this segment with the masses \[kg\] it gives its two nodes and
@@ -270,10 +311,13 @@ impl Segment {
         let mobility = 1.0 / masses[0] + 1.0 / masses[1];
         let lightest = masses[0].min(masses[1]);
         let chord = mobility / (self.rest_length * self.rest_length);
-        let shear = 12.0 * self.bending * (0.5 / (lightest * transverse) + chord);
+        let stiffest = 1.0 + self.flatness.abs();
+        let shear = 12.0 * stiffest * self.bending * (0.5 / (lightest * transverse) + chord);
+        let bow = stiffest * (6.0 * self.bending - 4.0 * self.mutual) / (lightest * transverse);
         (self.axial * mobility)
             .max(self.torsion * mobility / axial)
             .max(shear)
+            .max(bow)
     }
 }
 

@@ -138,6 +138,7 @@ impl Batch<'_> {
         for (i, s) in segments.enumerate() {
             let range = model.points[s]..model.points[s + 1];
             let count = range.len();
+            section.diameter = 2.0 * model.segments[s].radius;
             section.segment_length = model.segments[s].rest_length;
             let weight = section.segment_length / count as f64;
             let t = (self.position[i + 1] - self.position[i]).normalize();

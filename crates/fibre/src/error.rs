@@ -56,6 +56,28 @@ pub enum FibreError {
         /// Global id.
         fibre: u64,
     },
+    /// A section that bends more easily one way needs to know which.
+    #[error(
+        "fibre {fibre}: the axis {axis:?} of its section does not lie across its first segment"
+    )]
+    SectionAxis {
+        /// Global id.
+        fibre: u64,
+        /// Given axis.
+        axis: Vector3,
+    },
+    /// Segments are too long for the twist.
+    #[error(
+        "fibre {fibre}: the twist of {twist} rad/m is beyond {limit:.4e} rad/m, which its segments can have; use shorter ones"
+    )]
+    Twist {
+        /// Global id.
+        fibre: u64,
+        /// Twist \[rad/m\].
+        twist: f64,
+        /// Largest possible \[rad/m\].
+        limit: f64,
+    },
     /// The equilibrium shape has another number of nodes than the fibre.
     #[error("fibre {fibre} has {nodes} nodes but its equilibrium shape has {equilibrium}")]
     EquilibriumSize {

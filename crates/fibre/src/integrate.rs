@@ -169,10 +169,7 @@ impl<'a> Batch<'a> {
                     velocity: &self.velocity[i],
                     angular_velocity: &self.angular_velocity[i],
                 };
-                let v = segment.viscous_force(pose(i), pose(i + 1), motion(i), motion(i + 1));
-                f.force += v.force;
-                f.start_torque += v.start_torque;
-                f.end_torque += v.end_torque;
+                f += segment.viscous_force(pose(i), pose(i + 1), motion(i), motion(i + 1));
             }
             self.load[i].force -= f.force;
             self.load[i].torque += f.start_torque;

@@ -305,8 +305,9 @@ impl Batch<'_> {
     /// Whether [`Batch::leap`] knows all that acts on the fibre.
     pub fn leaps(&self, model: &Model, in_flow: bool) -> bool {
         let fibre = &model.fibres[self.fibres.start];
-        let elastic = fibre.material.retardation == 0.0 && fibre.body.is_none();
-        !in_flow && elastic && !model.packed.is_empty()
+        let material = &fibre.material;
+        let elastic = material.retardation == 0.0 && material.bending_ratio == 1.0;
+        !in_flow && elastic && fibre.body.is_none() && !model.packed.is_empty()
     }
 }
 

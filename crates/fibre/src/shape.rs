@@ -3,7 +3,7 @@
 use crate::beam::Segment;
 use crate::{FibreError, Quaternion, Vector3};
 
-/// A round, homogeneous, linearly elastic section.
+/// A homogeneous, linearly elastic section: round, but for its bending stiffness.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Material {
     /// Radius \[m\].
@@ -16,6 +16,11 @@ pub struct Material {
     pub density: f64,
     /// Kelvin–Voigt retardation time \[s\], 0 for a purely elastic fibre.
     pub retardation: f64,
+    /// Gives way to shear (Timoshenko) instead of bending alone (Euler, Bernoulli).
+    pub shear: bool,
+    /// Bending stiffness in the plane of tangent and [`Fibre::section_axis`], over that across the plane; their mean is
+    /// EI. 1 for a section that bends alike in all directions.
+    pub bending_ratio: f64,
 }
 
 impl Material {
@@ -27,6 +32,8 @@ impl Material {
             shear_modulus: youngs_modulus / (2.0 * (1.0 + poisson_ratio)),
             density,
             retardation: 0.0,
+            shear: false,
+            bending_ratio: 1.0,
         }
     }
 
@@ -51,22 +58,39 @@ impl Material {
     /// two node masses, which already carry more than the segment's), and the factor is the leading effect of shear
     /// in Timoshenko's beam, κ = 6(1+ν)/(7+6ν) of a round section (Cowper 1966), so that E/κG = (7+6ν)/3.
     pub fn rotary_ratio(&self) -> f64 {
-        let poisson = self.youngs_modulus / (2.0 * self.shear_modulus) - 1.0;
-        0.5 * (1.0 + (7.0 + 6.0 * poisson) / 3.0)
+        0.5 * (1.0 + if self.shear { 0.0 } else { self.shear_number() })
     }
 
-    /// A segment of this material.
+    /// E/κG.
+    fn shear_number(&self) -> f64 {
+        let poisson = self.youngs_modulus / (2.0 * self.shear_modulus) - 1.0;
+        (7.0 + 6.0 * poisson) / 3.0
+    }
+
+    /// A segment of this material and the given radius.
     pub(crate) fn segment(
         &self,
         rest_length: f64,
+        radius: f64,
         start_frame: Quaternion,
         end_frame: Quaternion,
     ) -> Segment {
+        let section = Self { radius, ..*self };
+        // Φ = 12EI/(κGA l₀²)
+        let shear = if self.shear {
+            3.0 * self.shear_number() * (radius / rest_length).powi(2)
+        } else {
+            0.0
+        };
+        let bending = section.bending_stiffness() / (rest_length * (1.0 + shear));
         Segment {
             rest_length,
-            axial: self.youngs_modulus * self.area() / rest_length,
-            bending: self.bending_stiffness() / rest_length,
-            torsion: 2.0 * self.shear_modulus * self.second_moment() / rest_length,
+            axial: self.youngs_modulus * section.area() / rest_length,
+            radius,
+            bending,
+            mutual: bending * (1.0 - 0.5 * shear),
+            flatness: (self.bending_ratio - 1.0) / (self.bending_ratio + 1.0),
+            torsion: 2.0 * self.shear_modulus * section.second_moment() / rest_length,
             retardation: self.retardation,
             start_frame,
             end_frame,
@@ -79,6 +103,7 @@ impl Material {
             ("Young's modulus", self.youngs_modulus),
             ("shear modulus", self.shear_modulus),
             ("density", self.density),
+            ("ratio of bending stiffnesses", self.bending_ratio),
         ];
         for (quantity, value) in positive {
             if !(value > 0.0 && value.is_finite()) {
@@ -156,6 +181,15 @@ pub struct Fibre {
     pub equilibrium: Equilibrium,
     /// Supports, none for a free fibre.
     pub supports: Vec<Support>,
+    /// Twist of the stress-free shape about its tangent \[rad/m\]; what is placed in another shape is placed without.
+    pub twist: f64,
+    /// Radius of the last section over that of the first; between them it changes evenly, and
+    /// [`Material::radius`] is that in the middle.
+    pub taper: f64,
+    /// Direction of the plane of [`Material::bending_ratio`] at the first segment, by the coordinates of the stress-free shape
+    /// (of the placed one, if the fibre is straight without stress). Needed only where that ratio is not 1; its part along the
+    /// tangent does not count.
+    pub section_axis: Vector3,
     /// Keeps its stress-free shape: a rigid body, free of supports.
     pub rigid: bool,
 }
@@ -169,6 +203,9 @@ impl Fibre {
             nodes,
             equilibrium: Equilibrium::Placed,
             supports: Vec::new(),
+            twist: 0.0,
+            taper: 1.0,
+            section_axis: Vector3::zeros(),
             rigid: false,
         }
     }
@@ -248,15 +285,21 @@ pub(crate) fn prepare(fibre: &Fibre) -> Result<Prepared, FibreError> {
             )
         }
     };
+    let rest = twisted(fibre, rest, &rest_lengths)?;
     let rest_nodes = node_frames(&rest);
-    let material = &fibre.material;
+    let first = match fibre.equilibrium {
+        Equilibrium::Straight => placed[0],
+        Equilibrium::Placed | Equilibrium::Shape(_) => rest[0],
+    };
+    let roll = section_roll(fibre, &first)?;
+    let radii = radii(fibre, &rest_lengths)?;
     let segments = rest
         .iter()
-        .zip(&rest_lengths)
+        .zip(rest_lengths.iter().zip(&radii))
         .enumerate()
-        .map(|(s, (frame, &length))| {
-            let offset = |node: usize| rest_nodes[node].inverse() * frame;
-            material.segment(length, offset(s), offset(s + 1))
+        .map(|(s, (frame, (&length, &radius)))| {
+            let offset = |node: usize| rest_nodes[node].inverse() * frame * roll;
+            (fibre.material).segment(length, radius, offset(s), offset(s + 1))
         })
         .collect();
     let orientation = match fibre.equilibrium {
@@ -267,6 +310,69 @@ pub(crate) fn prepare(fibre: &Fibre) -> Result<Prepared, FibreError> {
         orientation,
         segments,
     })
+}
+
+/// Frames of the segments with the twist of the fibre, none at its first end.
+fn twisted(
+    fibre: &Fibre,
+    frames: Vec<Quaternion>,
+    lengths: &[f64],
+) -> Result<Vec<Quaternion>, FibreError> {
+    let longest = lengths.iter().copied().fold(0.0, f64::max);
+    // Between two segments a twist is known up to a turn.
+    let within = (fibre.twist.abs() * longest).partial_cmp(&(0.9 * std::f64::consts::PI));
+    if within != Some(std::cmp::Ordering::Less) {
+        return Err(FibreError::Twist {
+            fibre: fibre.id,
+            twist: fibre.twist,
+            limit: 0.9 * std::f64::consts::PI / longest,
+        });
+    }
+    let mut start = 0.0;
+    let along = frames.into_iter().zip(lengths).map(|(frame, length)| {
+        let middle = start + 0.5 * length;
+        start += length;
+        frame * Quaternion::from_axis_angle(&Vector3::x_axis(), fibre.twist * middle)
+    });
+    Ok(along.collect())
+}
+
+/// The rotation about the tangent that brings the second axis of the first segment's frame to the section's.
+fn section_roll(fibre: &Fibre, first: &Quaternion) -> Result<Quaternion, FibreError> {
+    if fibre.material.bending_ratio == 1.0 {
+        return Ok(Quaternion::identity());
+    }
+    let axis = first.inverse() * fibre.section_axis;
+    let across = axis.y.hypot(axis.z).partial_cmp(&(1e-6 * axis.norm()));
+    if across != Some(std::cmp::Ordering::Greater) {
+        return Err(FibreError::SectionAxis {
+            fibre: fibre.id,
+            axis: fibre.section_axis,
+        });
+    }
+    let angle = axis.z.atan2(axis.y);
+    Ok(Quaternion::from_axis_angle(&Vector3::x_axis(), angle))
+}
+
+/// Radii in the middle of the segments.
+fn radii(fibre: &Fibre, lengths: &[f64]) -> Result<Vec<f64>, FibreError> {
+    let taper = fibre.taper;
+    if !(taper > 0.0 && taper.is_finite()) {
+        return Err(FibreError::Material {
+            fibre: fibre.id,
+            quantity: "taper",
+            value: taper,
+            requirement: "positive and finite",
+        });
+    }
+    let whole: f64 = lengths.iter().sum();
+    let mut start = 0.0;
+    let along = lengths.iter().map(|length| {
+        let middle = (start + 0.5 * length) / whole;
+        start += length;
+        fibre.material.radius * (2.0 + 2.0 * (taper - 1.0) * middle) / (1.0 + taper)
+    });
+    Ok(along.collect())
 }
 
 fn chord_lengths(nodes: &[Vector3]) -> Vec<f64> {

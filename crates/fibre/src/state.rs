@@ -129,6 +129,8 @@ impl FibreSystem {
             m.shear_modulus,
             m.density,
             m.retardation,
+            f64::from(m.shear),
+            m.bending_ratio,
         ]);
         for i in nodes {
             let node = &model.nodes[i];
@@ -148,7 +150,7 @@ impl FibreSystem {
             words.numbers(motion.orientation[i].coords.as_slice());
         }
         for segment in &model.segments[model.segment_range(fibre)] {
-            words.numbers(&[segment.rest_length]);
+            words.numbers(&[segment.rest_length, segment.radius]);
             words.numbers(segment.start_frame.coords.as_slice());
             words.numbers(segment.end_frame.coords.as_slice());
         }
@@ -180,12 +182,15 @@ impl FibreSystem {
         let rigid = reader.word()? != 0;
         let account = Account::from_words(reader.word()?, reader.numbers()?);
         let [radius, youngs_modulus, shear_modulus, density, retardation] = reader.numbers()?;
+        let [shear, bending_ratio] = reader.numbers()?;
         let material = Material {
             radius,
             youngs_modulus,
             shear_modulus,
             density,
             retardation,
+            shear: shear != 0.0,
+            bending_ratio,
         };
         material.check(record.id)?;
         let mut held = Vec::with_capacity(nodes);
@@ -204,8 +209,9 @@ impl FibreSystem {
         }
         let segments = (1..nodes)
             .map(|_| {
-                let [rest_length] = reader.numbers()?;
-                Ok(material.segment(rest_length, reader.quaternion()?, reader.quaternion()?))
+                let [rest_length, radius] = reader.numbers()?;
+                let (start, end) = (reader.quaternion()?, reader.quaternion()?);
+                Ok(material.segment(rest_length, radius, start, end))
             })
             .collect::<Result<_, FibreError>>()?;
         while !reader.words.is_empty() {

@@ -236,18 +236,23 @@ impl FibreSystem {
         held: &[(bool, bool)],
     ) {
         let line_density = material.density * material.area();
-        let axial_per_mass = 0.5 * material.radius * material.radius;
-        let transverse_per_mass = axial_per_mass * material.rotary_ratio();
+        let rotary_ratio = material.rotary_ratio();
         let weight_per_mass =
             self.settings.gravity * (1.0 - self.settings.buoyant_density / material.density);
         let mut frequency = 0.0_f64;
         let mut masses = vec![0.0; held.len()];
+        let mut inertias = vec![0.0; held.len()];
         let mut weights = vec![Vector3::zeros(); held.len()];
         for (i, s) in segments.iter().enumerate() {
+            let line_density = line_density * (s.radius / material.radius).powi(2);
+            let axial_per_mass = 0.5 * s.radius * s.radius;
+            let transverse_per_mass = axial_per_mass * rotary_ratio;
             let given =
                 mass_shares(i, segments.len()).map(|share| share * line_density * s.rest_length);
-            masses[i] += given[0];
-            masses[i + 1] += given[1];
+            for (node, mass) in [i, i + 1].into_iter().zip(given) {
+                masses[node] += mass;
+                inertias[node] += mass * axial_per_mass;
+            }
             // In halves, as uniform drag is: what settles straight stays straight.
             let weight = weight_per_mass * (0.5 * line_density * s.rest_length);
             weights[i] += weight;
@@ -261,8 +266,8 @@ impl FibreSystem {
             let mass = masses[i];
             self.model.nodes.push(NodeConstants {
                 mass,
-                transverse_inertia: mass * transverse_per_mass,
-                axial_inertia: mass * axial_per_mass,
+                transverse_inertia: inertias[i] * rotary_ratio,
+                axial_inertia: inertias[i],
                 weight: weights[i],
                 holds_translation,
                 holds_rotation,
@@ -371,6 +376,12 @@ impl FibreSystem {
     /// Material of a local fibre.
     pub fn material(&self, fibre: usize) -> &Material {
         &self.model.fibres[fibre].material
+    }
+
+    /// Radii of the segments of a local fibre \[m\].
+    pub fn radii(&self, fibre: usize) -> impl ExactSizeIterator<Item = f64> + '_ {
+        let segments = &self.model.segments[self.model.segment_range(fibre)];
+        segments.iter().map(|segment| segment.radius)
     }
 
     /// Stress-free length of a local fibre \[m\].

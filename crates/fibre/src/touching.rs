@@ -4,7 +4,7 @@ use crate::contact::{ContactSettings, ContactSystem, Segments};
 use crate::implicit::{ImplicitSettings, Integrator, Joint, Parties};
 use crate::integrate::{Batch, Flow, Given, sub_steps};
 use crate::system::{Model, Motion};
-use crate::{FibreError, FibreSystem};
+use crate::{FibreError, FibreSystem, Material};
 use fibreflow_parallel::Communicator;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -34,12 +34,17 @@ impl Axes {
     fn new(model: &Model) -> Self {
         let mut new = Self::default();
         for (f, fibre) in model.fibres.iter().enumerate() {
-            let line_density = fibre.material.density * fibre.material.area();
             for (i, s) in model.segment_range(f).enumerate() {
+                let segment = &model.segments[s];
+                let section = Material {
+                    radius: segment.radius,
+                    ..fibre.material
+                };
                 new.node.push((model.offsets[f] + i) as u32);
                 new.ids.push(FibreSystem::segment_id(fibre.id, i));
-                new.radius.push(fibre.material.radius);
-                new.mass.push(line_density * model.segments[s].rest_length);
+                new.radius.push(segment.radius);
+                new.mass
+                    .push(section.density * section.area() * segment.rest_length);
             }
         }
         new

@@ -15,13 +15,16 @@ fn vector(rng: &mut ChaCha8Rng, size: f64) -> Vector3 {
     Vector3::from_fn(|_, _| rng.random_range(-size..=size))
 }
 
-/// A segment with natural curvature and twist, anywhere in space, its ends turned by up to about `strain` radians.
+/// A segment with natural curvature and twist that gives way to shear, flat, anywhere in space, its ends turned by up to about `strain` radians.
 fn case(rng: &mut ChaCha8Rng, strain: f64) -> Case {
     let turn = |rng: &mut ChaCha8Rng, size| Quaternion::from_scaled_axis(vector(rng, size));
     let segment = Segment {
         rest_length: 0.7,
         axial: 2.0,
+        radius: 0.1,
         bending: 1.3,
+        mutual: 0.8,
+        flatness: 0.4,
         torsion: 0.9,
         retardation: 0.2,
         start_frame: turn(rng, 0.5),
@@ -144,7 +147,10 @@ fn small_strains_give_the_euler_bernoulli_beam() {
     let segment = Segment {
         rest_length: 0.7,
         axial: 2.0,
+        radius: 0.1,
         bending: 1.3,
+        mutual: 1.3,
+        flatness: 0.0,
         torsion: 0.9,
         retardation: 0.0,
         start_frame: Quaternion::identity(),

@@ -1,6 +1,6 @@
 //! Second derivatives of a segment's energy: the tangent of the implicit integrator.
 
-use super::{Pose, Segment, SegmentForce, Strain, arc_tangent, squared_angle_slopes};
+use super::{Pose, Segment, SegmentForce, Slopes, Strain, arc_tangent, squared_angle_slopes};
 use crate::{Matrix3, Vector3};
 
 /// Derivatives of the energy gradient (g_d, g_a, g_b) by the span d = x_b − x_a and by rotations θ_a, θ_b of the two
@@ -47,7 +47,7 @@ impl Segment {
         };
         let (slope_a, curve_a) = part(3.0 * self.bending, a, t);
         let (slope_b, curve_b) = part(3.0 * self.bending, b, t);
-        let (slope_ab, curve_ab) = part(-self.bending, a, b);
+        let (slope_ab, curve_ab) = part(-self.mutual, a, b);
         let (cos_a, cos_b, cos_ab) = (a.dot(t), b.dot(t), a.dot(b));
         let (at, bt, ab) = (a.cross(t), b.cross(t), a.cross(b));
         let across = identity - dyad(t, t);
@@ -87,12 +87,12 @@ impl Segment {
             + stiff
             - turn_b;
         let mutual = (identity * cos_ab - dyad(b, a)) * slope_ab - curved - stiff + turn_b;
-        let force = SegmentForce {
+        let mut force = SegmentForce {
             force: -pull * inverse - t * tension,
             start_torque: -at * slope_a - ab * slope_ab + m * moment,
             end_torque: -bt * slope_b + ab * slope_ab - m * moment,
         };
-        let stiffness = SegmentStiffness {
+        let mut stiffness = SegmentStiffness {
             dd,
             da,
             db,
@@ -100,6 +100,11 @@ impl Segment {
             ab: mutual,
             bb,
         };
+        if self.flatness != 0.0 {
+            let slopes = Slopes::new(self, start, end, &e);
+            force += slopes.force(self, &e);
+            slopes.add_stiffness(self, &e, &mut stiffness);
+        }
         (force, stiffness)
     }
 
@@ -120,16 +125,18 @@ impl Segment {
         let t = span / length;
         let along = dyad(&t, &t);
         let across = Matrix3::identity() - along;
-        let bend = 2.0 * self.retardation * self.bending;
+        let (own, other) = self.end_stiffness();
+        let [own, other] = [own, other].map(|bend| self.retardation * bend);
+        let both = own + other;
         let twist = along * (self.retardation * self.torsion);
-        let shear = cross(&t) * (3.0 * bend / length);
+        let shear = cross(&t) * (both / length);
         SegmentStiffness {
-            dd: along * (self.retardation * self.axial) + across * (6.0 * bend / (length * length)),
+            dd: along * (self.retardation * self.axial) + across * (2.0 * both / (length * length)),
             da: shear,
             db: shear,
-            aa: across * (2.0 * bend) + twist,
-            ab: across * bend - twist,
-            bb: across * (2.0 * bend) + twist,
+            aa: across * own + twist,
+            ab: across * other - twist,
+            bb: across * own + twist,
         }
     }
 }

@@ -4,8 +4,10 @@
 //! energy from collisions at any step. Each Newton iteration solves (A + C) δ = r, A the block-tridiagonal matrices of
 //! the fibres (made symmetric) and C the stiffness of the contacts (penalty, with friction sticking or sliding as in the
 //! last iteration), by conjugate gradients preconditioned with A: as z = A⁻¹r, A p follows from r without a product.
-//! A step of the iteration is cut so that no centre line can reach another on its way; where the iteration does not
-//! end, the sub-step is halved. A leaves out how compression softens a beam, which keeps it positive.
+//! A step of the iteration is cut so that no centre line can reach another on its way, and taken back in part where it
+//! has gone too far: where the residual at its end points against it by more than half of what it pointed along it at
+//! the start (the curvature condition of a line search, which needs no energy and so allows friction). Where the
+//! iteration does not end, the sub-step is halved. A leaves out how compression softens a beam, which keeps it positive.
 
 use super::rotation::{rotation_between, turned};
 use super::stage::stacked;
@@ -19,16 +21,20 @@ use fibreflow_parallel::Communicator;
 use nalgebra::Vector6;
 use std::sync::Mutex;
 
-/// Change of a position over the fibre's radius, or of a rotation, at which Newton's iteration stops.
-const CLOSE: f64 = 1e-5;
-const MOST_ITERATIONS: usize = 60;
-/// An iteration that shrinks the change by less than this is relaxed, down to the least part of a change.
-const SLOW: f64 = 1.0;
-const LEAST_RELAXATION: f64 = 0.25;
+/// Change of a position over the fibre's radius, or of a rotation, that is good enough: the tolerance of the step times
+/// how far things have moved in it, within these bounds. A few more iterations then try to get below the lower one,
+/// which they do at once where no friction slides.
+const CLOSE: [f64; 2] = [1e-6, 1e-3];
+const MOST_ITERATIONS: usize = 80;
+const POLISHING: usize = 3;
+/// Part of the first slope that the last one may reach below zero, and how often a step is taken back for it.
+const OVERSHOOT: f64 = 0.5;
+const MOST_RETREATS: usize = 6;
 /// Largest rotation of one Newton step.
 const STRIDE: f64 = 0.4;
-/// Conjugate gradients end when the preconditioned norm of the residual has fallen by this.
-const REDUCTION: f64 = 1e-4;
+/// Conjugate gradients end when the preconditioned norm of the residual has fallen by the square of how much it fell in
+/// the last iteration (Eisenstat & Walker 1996), within these bounds.
+const REDUCTION: [f64; 2] = [1e-6, 0.1];
 const MOST_GRADIENTS: usize = 400;
 /// Halvings of a sub-step.
 const MOST_HALVINGS: u32 = 12;
@@ -55,7 +61,14 @@ struct Part {
     /// (A + C) × direction
     product: Vec<Vector6<f64>>,
     dot: f64,
-    size: f64,
+    /// What was made of the last answer.
+    made: Vec<Vector6<f64>>,
+    /// Residual at the start of the iteration.
+    start: Vec<Vector6<f64>>,
+    /// `made` · residual, before and after it was made.
+    slopes: [f64; 2],
+    /// Largest change of the iteration, and largest way since the start of the sub-step: positions over the radius, rotations.
+    sizes: [f64; 2],
 }
 
 /// What a step is made of.
@@ -91,6 +104,8 @@ impl Joint {
                 &mut part.direction,
                 &mut part.image,
                 &mut part.product,
+                &mut part.made,
+                &mut part.start,
             ] {
                 vector.resize(nodes, Vector6::zeros());
             }
@@ -156,8 +171,8 @@ impl Joint {
         parties.contacts.settle(&axes.moving(parties.motion));
         let part = self.stride(parties, axes);
         self.for_each(parties, &|fibre, own| fibre.guess(own, h, part));
-        let (mut last, mut relaxed) = (f64::INFINITY, 1.0_f64);
-        for _ in 0..MOST_ITERATIONS {
+        let (mut retreats, mut polished, mut last_norm) = (0, 0, None::<f64>);
+        for iteration in 0..MOST_ITERATIONS {
             parties.contacts.update(&axes.moving(parties.motion))?;
             self.displacements(parties);
             let segments = axes.moving(parties.motion);
@@ -176,7 +191,22 @@ impl Joint {
                 ),
                 &|fibre, part| fibre.begin_iteration(&action, part, scene.1, h, moment),
             );
-            if !self.solve(parties, axes) {
+            let slopes = [0, 1].map(|k| self.reduce(|part| part.slopes[k], add));
+            let [first, last] = slopes.map(|slope| parties.communicator.sum(slope));
+            if iteration > 0 && retreats < MOST_RETREATS && last < -OVERSHOOT * first {
+                // To where the slope would vanish if it fell evenly.
+                let back = (last / (last - first)).clamp(0.1, 0.9);
+                self.for_each(parties, &|fibre, own| fibre.retreat(&action, own, h, back));
+                retreats += 1;
+                continue;
+            }
+            retreats = 0;
+            self.for_each(parties, &|_, part| part.begin_solve());
+            let square = parties.communicator.sum(self.reduce(|part| part.dot, add));
+            let fallen = last_norm.map_or(1.0, |last| square / last);
+            last_norm = Some(square);
+            let reduction = fallen.clamp(REDUCTION[0], REDUCTION[1]);
+            if !self.solve(parties, axes, square, reduction) {
                 break;
             }
             self.gather(parties.model, |part| &part.answer);
@@ -185,21 +215,16 @@ impl Joint {
             contacts.strides(&segments, &self.shift, &self.turn, &mut self.strides);
             let strides = &self.strides;
             self.for_each(parties, &|fibre, own| {
-                fibre.end_iteration(&action, own, h, strides, relaxed);
+                fibre.end_iteration(&action, own, h, strides);
             });
-            let size = self.reduce(|part| part.size, f64::max);
-            let size = parties.communicator.max(size);
-            if size.is_nan() || size == f64::INFINITY {
+            let [size, moved] = [0, 1].map(|k| self.reduce(|part| part.sizes[k], f64::max));
+            let [size, moved] = [size, moved].map(|x| parties.communicator.max(x));
+            if !size.is_finite() {
                 break;
             }
-            // Contacts that come and go in turn are damped.
-            relaxed = if size > SLOW * last {
-                (0.5 * relaxed).max(LEAST_RELAXATION)
-            } else {
-                (1.5 * relaxed).min(1.0)
-            };
-            last = size;
-            if size < CLOSE {
+            let enough = (settings.tolerance * moved).clamp(CLOSE[0], CLOSE[1]);
+            polished += usize::from(size < enough || polished > 0);
+            if size < CLOSE[0] || size < enough && polished > POLISHING {
                 // The contacts of the last iteration are those of this answer up to its last change.
                 self.for_each(parties, &|fibre, _| fibre.exchange(&action, share, moment));
                 parties.contacts.commit(h);
@@ -226,10 +251,10 @@ impl Joint {
         free.min(STRIDE / turned.max(STRIDE))
     }
 
-    /// (A + C) answer = residual. Whether the matrix is positive, as it must be for an answer that goes downhill.
-    fn solve(&mut self, parties: &mut Parties, axes: &Axes) -> bool {
-        let mut rz = parties.communicator.sum(self.reduce(|part| part.dot, add));
-        let enough = rz * REDUCTION * REDUCTION;
+    /// (A + C) answer = residual, of the `square` of the preconditioned norm, to this `reduction` of the norm. Whether the matrix is positive, as it must be for an answer that goes downhill.
+    fn solve(&mut self, parties: &mut Parties, axes: &Axes, square: f64, reduction: f64) -> bool {
+        let mut rz = square;
+        let enough = rz * reduction * reduction;
         for _ in 0..MOST_GRADIENTS {
             if rz <= enough {
                 return rz >= 0.0;
@@ -338,6 +363,16 @@ impl Part {
         self.precondition();
     }
 
+    /// Factors the matrix and takes the first direction.
+    fn begin_solve(&mut self) {
+        self.work.factor();
+        self.answer.fill(Vector6::zeros());
+        self.start.copy_from_slice(&self.residual);
+        self.precondition();
+        self.direction.copy_from_slice(&self.work.rhs);
+        self.image.copy_from_slice(&self.residual);
+    }
+
     fn precondition(&mut self) {
         self.work.rhs.copy_from_slice(&self.residual);
         self.work.solve();
@@ -388,7 +423,7 @@ impl Batch<'_> {
         }
     }
 
-    /// Equations of one fibre with its contact loads, and the first direction.
+    /// Equations of one fibre with its contact loads.
     fn begin_iteration(
         &mut self,
         action: &Action,
@@ -400,12 +435,19 @@ impl Batch<'_> {
         self.add_contacts(action.model, contacts);
         self.assemble(action, &mut part.work, h, moment);
         self.load.fill(Load::ZERO);
-        part.work.factor();
         part.residual.copy_from_slice(&part.work.rhs);
-        part.answer.fill(Vector6::zeros());
-        part.precondition();
-        part.direction.copy_from_slice(&part.work.rhs);
-        part.image.copy_from_slice(&part.residual);
+        part.slopes[1] = dot(&part.residual, &part.made);
+    }
+
+    /// Takes back a part of what was made.
+    fn retreat(&mut self, action: &Action, part: &mut Part, h: f64, back: f64) {
+        let nodes = &action.model.nodes[action.model.node_range(self.fibres.start)];
+        part.work.rhs.copy_from_slice(&part.made);
+        self.change(nodes, &part.work, h, -back);
+        for made in &mut part.made {
+            *made *= 1.0 - back;
+        }
+        part.slopes[0] *= 1.0 - back;
     }
 
     /// `product` of the direction; `dot` is direction·product.
@@ -424,33 +466,40 @@ impl Batch<'_> {
         part.dot = dot(&part.direction, &part.product);
     }
 
-    /// Moves by as much of `answer` as the `strides` of the segments allow; `size` tells how far it all was.
-    fn end_iteration(
-        &mut self,
-        action: &Action,
-        part: &mut Part,
-        h: f64,
-        strides: &[f64],
-        relaxed: f64,
-    ) {
+    /// Moves by as much of `answer` as the `strides` of the segments allow.
+    fn end_iteration(&mut self, action: &Action, part: &mut Part, h: f64, strides: &[f64]) {
         let fibre = self.fibres.start;
-        let radius = action.model.fibres[fibre].material.radius;
-        let own = &strides[action.model.segment_range(fibre)];
-        let mut fraction = own.iter().copied().fold(relaxed, f64::min);
-        part.size = part.answer.iter().fold(0.0, |size, change| {
-            let moved = change.fixed_rows::<3>(0).norm() / radius;
+        let range = action.model.segment_range(fibre);
+        let radii = action.model.segments[range.clone()]
+            .iter()
+            .map(|s| s.radius);
+        let radius = radii.fold(f64::INFINITY, f64::min);
+        let size = |shift: Vector3, turn: f64| (shift.norm() / radius).max(turn);
+        let own = &strides[range];
+        let mut fraction = own.iter().copied().fold(1.0, f64::min);
+        part.sizes = [0.0; 2];
+        for (i, change) in part.answer.iter().enumerate() {
             let turned = change.fixed_rows::<3>(3).norm();
             fraction = fraction.min(STRIDE / turned.max(STRIDE));
-            let both = moved.max(turned);
-            // Written so that a NaN stays.
-            if both > size || both.is_nan() {
-                both
-            } else {
-                size
+            let first = &part.work.first[i];
+            let way = rotation_between(&first.orientation, &self.orientation[i]).norm();
+            let both = [
+                size(change.fixed_rows::<3>(0).into(), turned),
+                size(self.position[i] - first.position, way),
+            ];
+            for (largest, value) in part.sizes.iter_mut().zip(both) {
+                // Written so that a NaN stays.
+                if value > *largest || value.is_nan() {
+                    *largest = value;
+                }
             }
-        });
-        part.work.rhs.copy_from_slice(&part.answer);
+        }
+        for (made, change) in part.made.iter_mut().zip(&part.answer) {
+            *made = change * fraction;
+        }
+        part.slopes[0] = dot(&part.start, &part.made);
+        part.work.rhs.copy_from_slice(&part.made);
         let nodes = &action.model.nodes[action.model.node_range(fibre)];
-        self.change(nodes, &part.work, h, fraction);
+        self.change(nodes, &part.work, h, 1.0);
     }
 }

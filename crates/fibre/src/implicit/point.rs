@@ -25,6 +25,7 @@ impl Batch<'_> {
         for (i, s) in segments.enumerate() {
             let range = model.points[s]..model.points[s + 1];
             let count = range.len();
+            section.diameter = 2.0 * model.segments[s].radius;
             let span = self.position[i + 1] - self.position[i];
             let length = span.norm();
             let t = span / length;

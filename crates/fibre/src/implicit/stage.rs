@@ -3,7 +3,7 @@
 use super::blocks::{Row, add, add_stiffness, hold, symmetrise};
 use super::rotation::{rotation_between, turned};
 use super::{Action, Base, GAMMA, Workspace};
-use crate::beam::{Motion as EndMotion, Pose, SegmentForce, tangent};
+use crate::beam::{Motion as EndMotion, Pose, tangent};
 use crate::hydrodynamics::Resistance;
 use crate::integrate::Batch;
 use crate::linear_slip::{LinearDrag, LinearSlip, for_arms};
@@ -195,14 +195,7 @@ impl Batch<'_> {
                     velocity: &self.velocity[i],
                     angular_velocity: &self.angular_velocity[i],
                 };
-                let SegmentForce {
-                    force: f,
-                    start_torque,
-                    end_torque,
-                } = segment.viscous_force(start, end, motion(i), motion(i + 1));
-                force.force += f;
-                force.start_torque += start_torque;
-                force.end_torque += end_torque;
+                force += segment.viscous_force(start, end, motion(i), motion(i + 1));
                 let damping = segment.damping(start, end);
                 add_stiffness(&mut work.rows[i..i + 2], &damping, 1.0 / tau);
             }

@@ -11,6 +11,7 @@ pub(super) struct Constants {
     pub rest_length: Lane,
     pub axial: Lane,
     pub bending: Lane,
+    pub mutual: Lane,
     pub torsion: Lane,
     /// w, i, j, k.
     pub start_frame: [Lane; 4],
@@ -34,6 +35,7 @@ impl Constants {
         rest_length: [0.0; WIDTH],
         axial: [0.0; WIDTH],
         bending: [0.0; WIDTH],
+        mutual: [0.0; WIDTH],
         torsion: [0.0; WIDTH],
         start_frame: [[0.0; WIDTH]; 4],
         end_frame: [[0.0; WIDTH]; 4],
@@ -50,7 +52,10 @@ impl Constants {
         Segment {
             rest_length: self.rest_length[lane],
             axial: self.axial[lane],
+            radius: 0.0,
             bending: self.bending[lane],
+            mutual: self.mutual[lane],
+            flatness: 0.0,
             torsion: self.torsion[lane],
             retardation: 0.0,
             start_frame: quaternion(&self.start_frame, lane),
@@ -62,6 +67,7 @@ impl Constants {
         self.rest_length[lane] = segment.rest_length;
         self.axial[lane] = segment.axial;
         self.bending[lane] = segment.bending;
+        self.mutual[lane] = segment.mutual;
         self.torsion[lane] = segment.torsion;
         for (frame, q) in [
             (&mut self.start_frame, &segment.start_frame),

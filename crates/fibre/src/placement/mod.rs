@@ -244,6 +244,9 @@ impl PlacementGroup {
 
     /// Segments of a fibre of this length.
     fn segments_of(&self, length: f64) -> usize {
+        if let CentreLine::Nodes(nodes) = &self.centre_line {
+            return nodes.len() - 1;
+        }
         let share = length / self.length.mean();
         ((self.segments as f64 * share).round() as usize).max(1)
     }

@@ -33,12 +33,32 @@ pub struct FibreGroup {
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub retardation: f64,
+    /// Fibres give way to shear (Timoshenko) instead of bending alone (Euler, Bernoulli).
+    #[serde(default)]
+    pub shear: bool,
+    /// Diameter of the last end over that of the first; `diameter` is that in the middle, which the aspect ratio of drag
+    /// laws and reports is made of.
+    #[serde(default = "one")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub taper: f64,
+    /// Bending stiffness in the plane of tangent and `section_axis` over that across it; their mean is E I. Other than 1 for
+    /// ribbons and collapsed pulp fibres, which touch and feel the flow as round ones.
+    #[serde(default = "one")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub bending_ratio: f64,
+    /// Direction of the plane of `bending_ratio`: of a fibre's placed shape where it is straight or as placed without
+    /// load, else of its shape without load (which lies along x, a U in the plane x y).
+    #[serde(default = "section_axis")]
+    pub section_axis: [f64; 3],
     /// Flexible or rigid.
     #[serde(default)]
     pub kinematics: Kinematics,
     /// Shape without load.
     #[serde(default)]
     pub shape: Shape,
+    /// Twist of the shape without load about its tangent [rad/m]; fibres that are placed in another shape are placed without.
+    #[serde(default)]
+    pub twist: f64,
     /// Ends that are held in place and direction.
     #[serde(default)]
     pub clamp: Clamp,
@@ -49,6 +69,14 @@ pub struct FibreGroup {
 
 fn poisson_ratio() -> f64 {
     0.3
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+fn section_axis() -> [f64; 3] {
+    [0.0, 1.0, 0.0]
 }
 
 /// Where the fibres of a group are at the start.
@@ -77,6 +105,9 @@ pub enum Placement {
         #[serde(default)]
         #[schemars(range(min = 0.0))]
         gap: f64,
+        /// In which form the fibres are placed.
+        #[serde(default)]
+        form: Form,
         /// What happens when there is no room for all.
         #[serde(default)]
         shortfall: Shortfall,
@@ -87,6 +118,12 @@ pub enum Placement {
         start: [f64; 3],
         /// Last end [m].
         end: [f64; 3],
+    },
+    /// Fibres through nodes from a file.
+    File {
+        /// Path, relative to the case file: a CSV file with columns x, y, z [m], and `fibre`, a number for each fibre, where
+        /// there are several, nodes in the order of the lines; or a `.vtp` file, one fibre a line (not as compressed base64 within the tags, pyvista's default).
+        file: String,
     },
     /// One fibre through given nodes.
     Nodes {
@@ -109,8 +146,33 @@ pub enum Shape {
         #[schemars(range(min = 0.0, max = std::f64::consts::PI))]
         opening_angle: f64,
     },
+    /// A right-handed helix; its length is that of the fibre.
+    Helix {
+        /// Radius [m].
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        radius: f64,
+        /// Advance in a turn [m].
+        #[schemars(range(min = 0.0))]
+        pitch: f64,
+    },
+    /// Any polyline, scaled to the length of the fibre, with as many nodes as the fibre.
+    File {
+        /// Path of a CSV file with the columns x, y, z, or of a `.vtp` file with one line, relative to the case file.
+        file: String,
+    },
     /// As placed: the given nodes are free of stress.
     AsPlaced,
+}
+
+/// Form in which random fibres are placed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Form {
+    /// In their shape without load.
+    #[default]
+    Relaxed,
+    /// Straight, whatever their shape without load.
+    Straight,
 }
 
 /// Flexible or rigid.

@@ -28,7 +28,7 @@ pub use contact::{Contact, ContactWall, Lubrication, LubricationModel, Repulsion
 pub use document::{Document, Place};
 pub use error::CaseError;
 pub use fibres::{
-    AmbientFlow, Clamp, Coupling, CouplingMode, DragLaw, FibreGroup, Gravity, Hydrodynamics,
+    AmbientFlow, Clamp, Coupling, CouplingMode, DragLaw, FibreGroup, Form, Gravity, Hydrodynamics,
     Kinematics, Placement, PointLoad, Shape, SlenderBody, Spheroid, TorqueLaw,
 };
 pub use fluid::{

@@ -161,10 +161,11 @@ fn fibre_piece(fibres: &FibreSystem, periods: &Periods) -> Piece {
     for fibre in 0..fibres.fibres() {
         let range = fibres.offsets()[fibre]..fibres.offsets()[fibre + 1];
         let shift = home_shift(fibres.centre(fibre).into(), periods);
-        for x in &fibres.positions()[range.clone()] {
+        for x in &fibres.positions()[range] {
             points.push(std::array::from_fn(|c| x[c] - shift[c]));
         }
-        radius.extend(range.map(|_| fibres.material(fibre).radius));
+        // A node shows the segment behind it, the first one that ahead.
+        radius.extend(fibres.radii(fibre).take(1).chain(fibres.radii(fibre)));
         fibres.curvature(fibre, &mut inner);
         let bend = |k: usize| inner.get(k).map_or(0.0, |v| v.norm());
         // The ends have no curvature of their own: they show their neighbour's.

@@ -1,8 +1,8 @@
 //! The fibres of a case, placed.
 
-use super::population::{PlacementReport, Populate, centre_line};
+use super::population::{PlacementReport, Populate};
 use crate::case::{
-    Case, Clamp, DragLaw, FibreGroup, IntegratorKind, Kinematics, Mechanics, Placement, Shape,
+    Case, Clamp, DragLaw, FibreGroup, Form, IntegratorKind, Kinematics, Mechanics, Placement, Shape,
     SlenderBody, Spheroid, TorqueLaw,
 };
 use crate::error::ProgramError;
@@ -12,6 +12,7 @@ use fibreflow_fibre::hydrodynamics::{
     BUCKLING_FLEXIBILITY, DragModel, FluidProperties, Section, SlenderConstants, SpheroidRatio,
     TorqueModel, flexibility,
 };
+use fibreflow_fibre::placement::CentreLine;
 use fibreflow_fibre::{
     Equilibrium, Fibre, FibreSettings, FibreSystem, Hydrodynamics, ImplicitSettings, Integrator,
     Material, Points, Support,
@@ -46,7 +47,8 @@ pub fn place(
     if case.fibres.is_empty() {
         return Ok(None);
     }
-    let (nodes, reports) = populate.place()?;
+    let lines = populate.centre_lines()?;
+    let (nodes, reports) = populate.place(&lines)?;
     let count = nodes.iter().map(Vec::len).sum();
     let (rank, ranks) = (communicator.rank(), communicator.size());
     let share = count * rank / ranks..count * (rank + 1) / ranks;
@@ -56,7 +58,8 @@ pub fn place(
         let moduli = populate.moduli(k, nodes.len())?;
         for (nodes, modulus) in nodes.into_iter().zip(moduli) {
             if share.contains(&id) {
-                mine.push((fibre(id as u64, group, nodes, modulus, case), group));
+                let fibre = fibre(id as u64, group, &lines[k], nodes, modulus, case);
+                mine.push((fibre, group));
             }
             id += 1;
         }
@@ -114,6 +117,7 @@ fn viscosity(case: &Case) -> f64 {
 fn fibre(
     id: u64,
     group: &FibreGroup,
+    line: &CentreLine,
     nodes: Vec<Vector3<f64>>,
     modulus: f64,
     case: &Case,
@@ -121,14 +125,19 @@ fn fibre(
     let radius = 0.5 * group.diameter;
     let mut material = Material::new(radius, modulus, group.poisson_ratio, group.density);
     material.retardation = group.retardation;
+    material.shear = group.shear;
+    material.bending_ratio = group.bending_ratio;
     let last = nodes.len() - 1;
     let placed_length = nodes.windows(2).map(|p| (p[1] - p[0]).norm()).sum();
     let (rigid, _) = is_rigid(case, group, &material, placed_length);
     let equilibrium = match (&group.shape, &group.placement) {
         _ if rigid => Equilibrium::Placed,
         (Shape::Straight, _) => Equilibrium::Straight,
-        (Shape::AsPlaced, _) | (Shape::U { .. }, Placement::Random { .. }) => Equilibrium::Placed,
-        (Shape::U { .. }, _) => Equilibrium::Shape(centre_line(group).nodes(placed_length, last)),
+        (Shape::AsPlaced, _) => Equilibrium::Placed,
+        (_, Placement::Random { form, .. }) if *form == Form::Relaxed => Equilibrium::Placed,
+        (Shape::U { .. } | Shape::Helix { .. } | Shape::File { .. }, _) => {
+            Equilibrium::Shape(line.nodes(placed_length, last))
+        }
     };
     let clamped: &[usize] = match group.clamp {
         Clamp::None => &[],
@@ -142,6 +151,9 @@ fn fibre(
         nodes,
         equilibrium,
         supports: clamped.iter().map(|&n| Support::clamp(n)).collect(),
+        twist: group.twist,
+        taper: group.taper,
+        section_axis: group.section_axis.into(),
         rigid,
     }
 }
@@ -211,6 +223,7 @@ fn integrator(mechanics: &Mechanics) -> Integrator {
 pub fn length(group: &FibreGroup) -> Option<f64> {
     match &group.placement {
         Placement::Random { .. } => group.length.as_ref()?.nominal(),
+        Placement::File { .. } => None,
         Placement::Line { start, end } => {
             Some((Vector3::from(*end) - Vector3::from(*start)).norm())
         }

@@ -11,6 +11,7 @@ mod forces;
 mod inertia;
 mod initial;
 mod mesh;
+mod polyline;
 mod population;
 mod scatter;
 mod settings;

@@ -1,8 +1,9 @@
 //! Where the fibres of a case are, and the quantities that differ from fibre to fibre.
 
 use super::csv::Csv;
+use super::polyline;
 use crate::case::{
-    self, Case, CaseError, Document, FibreGroup, Placement, Shape, Shortfall, Spread,
+    self, Case, CaseError, Document, FibreGroup, Form, Placement, Shape, Shortfall, Spread,
 };
 use fibreflow_fibre::PeriodicBox;
 use fibreflow_fibre::hydrodynamics::cox_aspect_ratio;
@@ -43,9 +44,10 @@ impl Populate<'_> {
     ///
     /// # Errors
     /// Settings that cannot be met, files that cannot be read.
-    pub fn place(&self) -> Made<(Vec<Vec<Nodes>>, Vec<PlacementReport>)> {
-        let groups = self.case.fibres.iter();
-        let mut nodes: Vec<Vec<Nodes>> = groups.map(given).collect();
+    pub fn place(&self, lines: &[CentreLine]) -> Made<(Vec<Vec<Nodes>>, Vec<PlacementReport>)> {
+        let groups = self.case.fibres.iter().enumerate();
+        let nodes = groups.map(|(k, group)| self.given(k, group));
+        let mut nodes = nodes.collect::<Made<Vec<Vec<Nodes>>>>()?;
         let held = nodes.iter().zip(&self.case.fibres);
         let held = held.flat_map(|(fibres, group)| {
             let one = |nodes: &Nodes| HeldFibre {
@@ -61,7 +63,7 @@ impl Populate<'_> {
         };
         let mut random = Vec::new();
         for (k, group) in self.case.fibres.iter().enumerate() {
-            if let Some(settings) = self.settings(k, group)? {
+            if let Some(settings) = self.settings(k, group, &lines[k])? {
                 let path = format!("fibres[{k}].placement");
                 let checked = settings.check();
                 checked.map_err(|e| self.document.error(&path, format!("`{path}`: {e}")))?;
@@ -84,6 +86,75 @@ impl Populate<'_> {
         Ok((nodes, reports))
     }
 
+    /// The shapes without load of all groups; straight where they are as placed.
+    ///
+    /// # Errors
+    /// A file that cannot be read, a shape that no fibre can have.
+    pub fn centre_lines(&self) -> Made<Vec<CentreLine>> {
+        let groups = self.case.fibres.iter().enumerate();
+        groups
+            .map(|(k, group)| self.centre_line(k, group))
+            .collect()
+    }
+
+    fn centre_line(&self, k: usize, group: &FibreGroup) -> Made<CentreLine> {
+        let path = format!("fibres[{k}].shape");
+        let line = match &group.shape {
+            Shape::Straight | Shape::AsPlaced => CentreLine::Straight,
+            Shape::U { opening_angle } => CentreLine::U {
+                opening_angle: *opening_angle,
+            },
+            Shape::Helix { radius, pitch } => CentreLine::Helix {
+                radius: *radius,
+                pitch: *pitch,
+            },
+            Shape::File { file } => {
+                let path = format!("{path}.file");
+                match &self.polylines(file, &path)?[..] {
+                    [line] => CentreLine::Nodes(line.clone()),
+                    lines => {
+                        let message =
+                            format!("`{path}`: {} lines where one is wanted", lines.len());
+                        return Err(self.document.value_error(&path, message));
+                    }
+                }
+            }
+        };
+        let checked = line.check();
+        checked.map_err(|e| self.document.error(&path, format!("`{path}`: {e}")))?;
+        Ok(line)
+    }
+
+    /// Nodes of the fibres that a case gives one by one.
+    fn given(&self, k: usize, group: &FibreGroup) -> Made<Vec<Nodes>> {
+        Ok(match &group.placement {
+            Placement::Line { start, end } => {
+                let segments = group.segments.unwrap_or(1);
+                let (a, b) = (Vector3::from(*start), Vector3::from(*end));
+                let node = |k: usize| a + (b - a) * (k as f64 / segments as f64);
+                vec![(0..=segments).map(node).collect()]
+            }
+            Placement::Nodes { positions } => {
+                vec![positions.iter().map(|x| Vector3::from(*x)).collect()]
+            }
+            Placement::File { file } => {
+                self.polylines(file, &format!("fibres[{k}].placement.file"))?
+            }
+            Placement::Random { .. } => Vec::new(),
+        })
+    }
+
+    /// Polylines of a file.
+    fn polylines(&self, file: &str, path: &str) -> Made<Vec<Nodes>> {
+        polyline::read(&self.folder.join(file)).map_err(|problem| {
+            let message = format!("`{path} = \"{file}\"`: {problem}");
+            let error = self.document.value_error(path, message);
+            error.with_help(
+                "a CSV file with the columns x,y,z [m] and, for several fibres, fibre; or lines of VTK PolyData (.vtp) as ParaView writes it, or pyvista with `binary=False`",
+            )
+        })
+    }
+
     /// Young's modulus of `count` fibres of a group \[Pa\].
     ///
     /// # Errors
@@ -100,7 +171,12 @@ impl Populate<'_> {
     }
 
     /// How a random group is placed; None for fibres that are given.
-    fn settings(&self, k: usize, group: &FibreGroup) -> Made<Option<PlacementGroup>> {
+    fn settings(
+        &self,
+        k: usize,
+        group: &FibreGroup,
+        line: &CentreLine,
+    ) -> Made<Option<PlacementGroup>> {
         let Placement::Random {
             count,
             volume_fraction,
@@ -108,6 +184,7 @@ impl Populate<'_> {
             orientation,
             region,
             gap,
+            form,
             ..
         } = &group.placement
         else {
@@ -136,7 +213,10 @@ impl Populate<'_> {
             orientation: direction(orientation, length.mean() / group.diameter),
             length,
             radius: 0.5 * group.diameter,
-            centre_line: centre_line(group),
+            centre_line: match form {
+                Form::Relaxed => line.clone(),
+                Form::Straight => CentreLine::Straight,
+            },
             segments: group.segments.unwrap_or(1),
             region,
             gap: *gap,
@@ -234,30 +314,6 @@ impl Populate<'_> {
             volume_fraction: placed.volume_fraction[1],
             orientation_error: placed.orientation_error,
         })
-    }
-}
-
-/// Nodes of the fibres that a case gives one by one.
-fn given(group: &FibreGroup) -> Vec<Nodes> {
-    match &group.placement {
-        Placement::Line { start, end } => {
-            let segments = group.segments.unwrap_or(1);
-            let (a, b) = (Vector3::from(*start), Vector3::from(*end));
-            let node = |k: usize| a + (b - a) * (k as f64 / segments as f64);
-            vec![(0..=segments).map(node).collect()]
-        }
-        Placement::Nodes { positions } => {
-            vec![positions.iter().map(|x| Vector3::from(*x)).collect()]
-        }
-        Placement::Random { .. } => Vec::new(),
-    }
-}
-
-/// The form in which random fibres are placed.
-pub fn centre_line(group: &FibreGroup) -> CentreLine {
-    match group.shape {
-        Shape::U { opening_angle } => CentreLine::U { opening_angle },
-        Shape::Straight | Shape::AsPlaced => CentreLine::Straight,
     }
 }
 
