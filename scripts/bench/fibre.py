@@ -84,7 +84,7 @@ def cantilever(options):
     counts = (8, 16, 32, 64)
     peers = [("ours, explicit", ours("explicit"), bare, counts), ("ours, implicit", ours("implicit"), bare, counts)]
     if YADE:
-        peers.append(("YADE", lambda n: yade("cantilever", n), bare, (8, 16, 32)))
+        peers.append(("YADE", lambda n: yade("cantilever", n), bare, (8, 16, 32, 64)))
     if PEER_PYTHON.exists():
         peers.append(("PyElastica", lambda n: pyelastica("cantilever", n), sheared, (10, 20)))
     for code, function, (x, y), counts in peers:
@@ -136,8 +136,7 @@ def flexure(options):
             peers.append(("ours, implicit", ours("implicit", step), (32,)))
         peers.append(("ours, implicit, error control", ours("1e-3", scenes.SAMPLE), (32,)))
         if YADE:
-            counts = (8, 16, 32) if options.full else (8, 16)
-            peers.append(("YADE", lambda n: yade("flexure", modulus, ratio, n, 1.0), counts))
+            peers.append(("YADE", lambda n: yade("flexure", modulus, ratio, n, 1.0), (8, 16, 32)))
         if PEER_PYTHON.exists():
             part = 1.0 if options.full else 0.01
             peers.append(("PyElastica", lambda n: pyelastica("flexure", modulus, ratio, n, part), (32,)))
