@@ -2,8 +2,8 @@
 
 use super::population::{PlacementReport, Populate};
 use crate::case::{
-    Case, Clamp, DragLaw, FibreGroup, Form, IntegratorKind, Kinematics, Mechanics, Placement, Shape,
-    SlenderBody, Spheroid, TorqueLaw,
+    Case, Clamp, DragLaw, FibreGroup, Form, IntegratorKind, Kinematics, Mechanics, Placement,
+    Shape, SlenderBody, Spheroid, TorqueLaw,
 };
 use crate::error::ProgramError;
 use fibreflow_coupling::FibreLoad;
