@@ -82,7 +82,8 @@ def cantilever(options):
         return run
 
     counts = (8, 16, 32, 64)
-    peers = [("ours, explicit", ours("explicit"), bare, counts), ("ours, implicit", ours("implicit"), bare, counts)]
+    peers = [("ours, explicit", ours("explicit"), bare, counts), ("ours, implicit", ours("implicit"), bare, counts),
+             ("ours, without twist", ours("twist-free"), bare, counts)]  # fmt: skip
     if YADE:
         peers.append(("YADE", lambda n: yade("cantilever", n), bare, (8, 16, 32, 64)))
     if PEER_PYTHON.exists():
@@ -135,6 +136,7 @@ def flexure(options):
         for step in steps[:1] if options.quick else steps:
             peers.append(("ours, implicit", ours("implicit", step), (32,)))
         peers.append(("ours, implicit, error control", ours("1e-3", scenes.SAMPLE), (32,)))
+        peers.append(("ours, without twist, error control", ours("twist-free:1e-3", scenes.SAMPLE), (32,)))
         if YADE:
             peers.append(("YADE", lambda n: yade("flexure", modulus, ratio, n, 1.0), (8, 16, 32)))
         if PEER_PYTHON.exists():

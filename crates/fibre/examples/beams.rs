@@ -6,14 +6,15 @@
 //! - `beams vibration INTEGRATOR SEGMENTS STEP DURATION`: first mode, started in the middle of its swing
 //! - `beams flexure INTEGRATOR SEGMENTS STEP SAMPLE DURATION MODULUS RATIO`: oscillating cross flow
 //!
-//! INTEGRATOR: `explicit`, `implicit` (one sub-step a step) or a tolerance for the implicit one.
+//! INTEGRATOR: `explicit`, `implicit` (one sub-step a step) or a tolerance for the implicit one; `twist-free` and
+//! `twist-free:TOLERANCE` the same with positions alone.
 //!
 //! Scenes and references are those of `scripts/bench/fibre_scenes.py`.
 
 use fibreflow_fibre::hydrodynamics::{DragModel, FluidProperties, SlenderConstants, TorqueModel};
 use fibreflow_fibre::{
     Fibre, FibreError, FibreSettings, FibreSystem, FlowFormula, Hydrodynamics, ImplicitSettings,
-    Integrator, Material, Matrix3, Support, Vector3,
+    Integrator, Kinematics, Material, Matrix3, Support, Vector3,
 };
 use fibreflow_parallel::Communicator;
 use std::error::Error;
@@ -39,10 +40,12 @@ impl Trial {
         material: Material,
         segments: usize,
         settings: FibreSettings,
+        kinematics: Kinematics,
     ) -> Result<Self, FibreError> {
         let end = Vector3::x() * length;
         let mut fibre = Fibre::straight(0, material, Vector3::zeros(), end, segments);
         fibre.supports = vec![Support::clamp(0)];
+        fibre.kinematics = kinematics;
         Ok(Self {
             system: FibreSystem::new(Communicator::single(), settings, vec![fibre])?,
             length,
@@ -52,12 +55,17 @@ impl Trial {
         })
     }
 
-    fn soft(segments: usize, settings: FibreSettings) -> Result<Self, FibreError> {
+    fn soft(
+        segments: usize,
+        settings: FibreSettings,
+        kinematics: Kinematics,
+    ) -> Result<Self, FibreError> {
         Self::new(
             1e-2,
             Material::new(1.25e-4, 1e8, 0.3, 1000.0),
             segments,
             settings,
+            kinematics,
         )
     }
 
@@ -182,8 +190,8 @@ fn flexure(trial: &mut Trial, step: f64, sample: f64, duration: f64) -> Result<(
 fn integrator(word: &str) -> Result<Integrator, Box<dyn Error>> {
     let tolerance = match word {
         "explicit" => return Ok(Integrator::Explicit),
-        "implicit" => f64::INFINITY,
-        number => number.parse()?,
+        "implicit" | "twist-free" => f64::INFINITY,
+        number => number.trim_start_matches("twist-free:").parse()?,
     };
     Ok(Integrator::Implicit(ImplicitSettings {
         linear: false,
@@ -200,6 +208,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         integrator: integrator(way)?,
         ..FibreSettings::default()
     };
+    let kinematics = match way.starts_with("twist-free") {
+        true => Kinematics::TwistFree,
+        false => Kinematics::Full,
+    };
     let segments = segments.parse()?;
     let numbers: Vec<f64> = numbers
         .iter()
@@ -207,12 +219,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         .collect::<Result<_, _>>()?;
     let trial = match (scene.as_str(), &numbers[..]) {
         ("cantilever", &[load]) => {
-            let mut trial = Trial::soft(segments, settings)?;
+            let mut trial = Trial::soft(segments, settings, kinematics)?;
             cantilever(&mut trial, load, way != "explicit")?;
             trial
         }
         ("vibration", &[step, duration]) => {
-            let mut trial = Trial::soft(segments, settings)?;
+            let mut trial = Trial::soft(segments, settings, kinematics)?;
             vibration(&mut trial, step, duration)?;
             trial
         }
@@ -220,7 +232,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             // 1300 kg/m³, and the displaced water as added mass.
             let material = Material::new(12e-6, modulus, 0.3, 2300.0);
             settings.hydrodynamics = Some(water());
-            let mut trial = Trial::new(24e-6 * ratio, material, segments, settings)?;
+            let mut trial = Trial::new(24e-6 * ratio, material, segments, settings, kinematics)?;
             flexure(&mut trial, step, sample, duration)?;
             trial
         }

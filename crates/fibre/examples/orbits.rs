@@ -14,8 +14,8 @@ use fibreflow_fibre::hydrodynamics::{
     cox_aspect_ratio,
 };
 use fibreflow_fibre::{
-    Fibre, FibreSettings, FibreSystem, Hydrodynamics, ImplicitSettings, Integrator, Material,
-    Points, Support, Vector3,
+    Fibre, FibreSettings, FibreSystem, Hydrodynamics, ImplicitSettings, Integrator, Kinematics,
+    Material, Points, Support, Vector3,
 };
 use fibreflow_parallel::Communicator;
 use std::f64::consts::PI;
@@ -63,7 +63,9 @@ fn system(
     let modulus = zeta * r_p.powi(4) / 10.0 / section;
     let material = Material::new(0.5, modulus, 0.3, 1e-3);
     let mut fibre = Fibre::straight(0, material, axis * -0.5, axis * 0.5, segments);
-    fibre.rigid = rigid;
+    if rigid {
+        fibre.kinematics = Kinematics::Rigid;
+    }
     if held {
         fibre.supports = (0..=segments).map(Support::clamp).collect();
     }

@@ -32,9 +32,11 @@
 use crate::{Quaternion, Vector3};
 
 mod flat;
+mod hinge;
 mod tangent;
 
 use flat::Slopes;
+pub(crate) use hinge::{Hinge, HingeStiffness};
 pub use tangent::SegmentStiffness;
 
 /// Constants of one segment: stiffness over rest length and the stress-free end frames.

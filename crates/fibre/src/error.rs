@@ -56,6 +56,14 @@ pub enum FibreError {
         /// Global id.
         fibre: u64,
     },
+    /// A fibre whose energy is not told by positions alone.
+    #[error("fibre {fibre} {reason}, so it cannot be twist-free")]
+    TwistFree {
+        /// Global id.
+        fibre: u64,
+        /// Why not.
+        reason: &'static str,
+    },
     /// A section that bends more easily one way needs to know which.
     #[error(
         "fibre {fibre}: the axis {axis:?} of its section does not lie across its first segment"
@@ -165,7 +173,7 @@ pub enum FibreError {
         position: Vector3,
     },
     /// Rigid fibres in implicit steps with contacts.
-    #[error("rigid fibres that may touch need the explicit integrator")]
+    #[error("rigid and twist-free fibres that may touch need the explicit integrator")]
     RigidContact,
     /// The implicit step of fibres that touch finds no answer, however short its sub-step.
     #[error(

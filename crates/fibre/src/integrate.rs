@@ -467,8 +467,8 @@ impl FibreSystem {
             let local = fibre.fibres.start;
             let critical = model.fibres[local].critical_step;
             let (explicit, step) = sub_steps(dt, settings.step_safety * critical);
-            let rigid = model.fibres[local].body.is_some();
-            let n = match settings.integrator.implicit(explicit, rigid) {
+            let only = model.fibres[local].only_implicit();
+            let n = match settings.integrator.implicit(explicit, only) {
                 None => {
                     fibre.advance_alone(model, flow, explicit, step);
                     explicit

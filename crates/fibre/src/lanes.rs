@@ -307,7 +307,7 @@ impl Batch<'_> {
         let fibre = &model.fibres[self.fibres.start];
         let material = &fibre.material;
         let elastic = material.retardation == 0.0 && material.bending_ratio == 1.0;
-        !in_flow && elastic && fibre.body.is_none() && !model.packed.is_empty()
+        !in_flow && elastic && !fibre.only_implicit() && !model.packed.is_empty()
     }
 }
 

@@ -31,7 +31,7 @@ pub use implicit::{ImplicitSettings, Integrator};
 pub use observe::{Budget, Energy, FOURTH, Histogram, OrientationMoments};
 pub use periodic::PeriodicBox;
 pub use points::{Ambient, FlowFormula, Points, Reaction};
-pub use shape::{Equilibrium, Fibre, Material, Support};
+pub use shape::{Equilibrium, Fibre, Kinematics, Material, Support};
 pub use state::{FibreRecord, FibreState};
 pub use system::{FibreSettings, FibreSystem};
 

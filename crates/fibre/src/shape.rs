@@ -1,6 +1,6 @@
 //! One fibre before it joins the system: material, placed and stress-free shape, supports, node frames.
 
-use crate::beam::Segment;
+use crate::beam::{Segment, tangent};
 use crate::{FibreError, Quaternion, Vector3};
 
 /// A homogeneous, linearly elastic section: round, but for its bending stiffness.
@@ -190,8 +190,20 @@ pub struct Fibre {
     /// (of the placed one, if the fibre is straight without stress). Needed only where that ratio is not 1; its part along the
     /// tangent does not count.
     pub section_axis: Vector3,
-    /// Keeps its stress-free shape: a rigid body, free of supports.
-    pub rigid: bool,
+    /// What it can do.
+    pub kinematics: Kinematics,
+}
+
+/// What a fibre can do.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Kinematics {
+    /// Stretch, bend and twist: six unknowns a node.
+    #[default]
+    Full,
+    /// Stretch and bend: three unknowns a node. For a round fibre, straight without load, that no torque twists; always implicit.
+    TwistFree,
+    /// Keeps its stress-free shape: six unknowns, free of supports; always implicit.
+    Rigid,
 }
 
 impl Fibre {
@@ -206,7 +218,7 @@ impl Fibre {
             twist: 0.0,
             taper: 1.0,
             section_axis: Vector3::zeros(),
-            rigid: false,
+            kinematics: Kinematics::Full,
         }
     }
 
@@ -254,7 +266,7 @@ pub(crate) fn prepare(fibre: &Fibre) -> Result<Prepared, FibreError> {
         });
     }
     fibre.material.check(fibre.id)?;
-    if fibre.rigid && !fibre.supports.is_empty() {
+    if fibre.kinematics == Kinematics::Rigid && !fibre.supports.is_empty() {
         return Err(FibreError::RigidSupport { fibre: fibre.id });
     }
     for support in &fibre.supports {
@@ -301,7 +313,10 @@ pub(crate) fn prepare(fibre: &Fibre) -> Result<Prepared, FibreError> {
             let offset = |node: usize| rest_nodes[node].inverse() * frame * roll;
             (fibre.material).segment(length, radius, offset(s), offset(s + 1))
         })
-        .collect();
+        .collect::<Vec<_>>();
+    if fibre.kinematics == Kinematics::TwistFree {
+        check_twist_free(fibre, &segments)?;
+    }
     let orientation = match fibre.equilibrium {
         Equilibrium::Placed => rest_nodes,
         Equilibrium::Straight | Equilibrium::Shape(_) => node_frames(&placed),
@@ -335,6 +350,30 @@ fn twisted(
         frame * Quaternion::from_axis_angle(&Vector3::x_axis(), fibre.twist * middle)
     });
     Ok(along.collect())
+}
+
+/// Whether positions alone tell the energy of a fibre.
+fn check_twist_free(fibre: &Fibre, segments: &[Segment]) -> Result<(), FibreError> {
+    let straight = |q: &Quaternion| (tangent(q) - Vector3::x()).norm() < 1e-9;
+    let curved = segments
+        .iter()
+        .any(|s| !(straight(&s.start_frame) && straight(&s.end_frame)));
+    let material = &fibre.material;
+    let reason = if curved {
+        "is not straight without load"
+    } else if fibre.twist != 0.0 {
+        "is twisted without load"
+    } else if material.bending_ratio != 1.0 {
+        "bends more easily one way"
+    } else if material.shear {
+        "gives way to shear"
+    } else {
+        return Ok(());
+    };
+    Err(FibreError::TwistFree {
+        fibre: fibre.id,
+        reason,
+    })
 }
 
 /// The rotation about the tangent that brings the second axis of the first segment's frame to the section's.

@@ -2,7 +2,7 @@
 
 use crate::contact::FrictionRecord;
 use crate::observe::Account;
-use crate::shape::{Material, SEGMENT_BITS};
+use crate::shape::{Kinematics, Material, SEGMENT_BITS};
 use crate::system::Load;
 use crate::touching::Touching;
 use crate::{FibreError, FibreSystem, Quaternion, Vector3};
@@ -120,7 +120,11 @@ impl FibreSystem {
         let mut words = Words(Vec::new());
         let nodes = model.node_range(fibre);
         words.0.push(nodes.len() as u64);
-        words.0.push(u64::from(constants.body.is_some()));
+        words.0.push(match (&constants.body, constants.twist_free) {
+            (None, false) => 0,
+            (Some(_), _) => 1,
+            (None, true) => 2,
+        });
         words.0.extend(self.accounts.fibres[fibre].to_words());
         let m = &constants.material;
         words.numbers(&[
@@ -179,7 +183,12 @@ impl FibreSystem {
         if nodes < 2 || nodes > record.words.len() {
             return Err(reader.error("it has an impossible number of nodes"));
         }
-        let rigid = reader.word()? != 0;
+        let kinematics = match reader.word()? {
+            0 => Kinematics::Full,
+            1 => Kinematics::Rigid,
+            2 => Kinematics::TwistFree,
+            _ => return Err(reader.error("it has an unknown kind of motion")),
+        };
         let account = Account::from_words(reader.word()?, reader.numbers()?);
         let [radius, youngs_modulus, shear_modulus, density, retardation] = reader.numbers()?;
         let [shear, bending_ratio] = reader.numbers()?;
@@ -221,7 +230,7 @@ impl FibreSystem {
                 spring: reader.numbers()?,
             });
         }
-        self.push_constants(record.id, material, rigid, segments, &held);
+        self.push_constants(record.id, material, kinematics, segments, &held);
         let first = self.model.loads.len() - nodes;
         self.model.loads[first..].copy_from_slice(&loads);
         if let Some(last) = self.accounts.fibres.last_mut() {

@@ -7,7 +7,7 @@ use crate::implicit::{Body, Integrator};
 use crate::lanes::Packed;
 use crate::observe::{Account, Accounts};
 use crate::points::{abscissa, point_count};
-use crate::shape::{Fibre, Material, SEGMENT_BITS, prepare};
+use crate::shape::{Fibre, Kinematics, Material, SEGMENT_BITS, prepare};
 use crate::touching::Touching;
 use crate::{Ambient, FibreError, Points, Quaternion, Reaction, Vector3};
 use fibreflow_parallel::Communicator;
@@ -85,6 +85,7 @@ pub(crate) struct FibreConstants {
     pub critical_step: f64,
     /// A rigid fibre.
     pub body: Option<Body>,
+    pub twist_free: bool,
 }
 
 /// What does not change while time advances.
@@ -102,6 +103,13 @@ pub(crate) struct Model {
     pub points: Vec<usize>,
     /// The same constants for [`crate::lanes`]; empty with hydrodynamics, and from a change to the next step.
     pub packed: Packed,
+}
+
+impl FibreConstants {
+    /// Whether the fibre has no explicit sub-steps.
+    pub fn only_implicit(&self) -> bool {
+        self.body.is_some() || self.twist_free
+    }
 }
 
 impl Model {
@@ -219,7 +227,7 @@ impl FibreSystem {
         self.push_constants(
             fibre.id,
             fibre.material,
-            fibre.rigid,
+            fibre.kinematics,
             prepared.segments,
             &held,
         );
@@ -231,12 +239,13 @@ impl FibreSystem {
         &mut self,
         id: u64,
         material: Material,
-        rigid: bool,
+        kinematics: Kinematics,
         segments: Vec<Segment>,
         held: &[(bool, bool)],
     ) {
         let line_density = material.density * material.area();
         let rotary_ratio = material.rotary_ratio();
+        let twist_free = kinematics == Kinematics::TwistFree;
         let weight_per_mass =
             self.settings.gravity * (1.0 - self.settings.buoyant_density / material.density);
         let mut frequency = 0.0_f64;
@@ -251,7 +260,10 @@ impl FibreSystem {
                 mass_shares(i, segments.len()).map(|share| share * line_density * s.rest_length);
             for (node, mass) in [i, i + 1].into_iter().zip(given) {
                 masses[node] += mass;
-                inertias[node] += mass * axial_per_mass;
+                // Positions alone move.
+                if !twist_free {
+                    inertias[node] += mass * axial_per_mass;
+                }
             }
             // In halves, as uniform drag is: what settles straight stays straight.
             let weight = weight_per_mass * (0.5 * line_density * s.rest_length);
@@ -281,8 +293,13 @@ impl FibreSystem {
             id,
             material,
             length: segments.iter().map(|s| s.rest_length).sum(),
-            critical_step: if rigid { f64::INFINITY } else { explicit },
-            body: rigid.then(|| Body::new(&segments, &self.model.nodes[first..])),
+            critical_step: match kinematics {
+                Kinematics::Full => explicit,
+                Kinematics::TwistFree | Kinematics::Rigid => f64::INFINITY,
+            },
+            twist_free,
+            body: (kinematics == Kinematics::Rigid)
+                .then(|| Body::new(&segments, &self.model.nodes[first..])),
         });
         let mut point = self.point_count();
         for segment in &segments {

@@ -137,8 +137,8 @@ impl FibreSystem {
         dt: f64,
         settings: &ImplicitSettings,
     ) -> Result<(), FibreError> {
-        let rigid = self.model.fibres.iter().any(|f| f.body.is_some());
-        if self.communicator.any(rigid) {
+        let only = self.model.fibres.iter().any(|f| f.only_implicit());
+        if self.communicator.any(only) {
             return Err(FibreError::RigidContact);
         }
         if touching.joint.is_empty() {
@@ -189,9 +189,9 @@ impl FibreSystem {
         let model = &self.model;
         let (motion, scratch, reaction) = (&mut self.motion, &mut self.scratch, &mut self.reaction);
         let given_up = AtomicUsize::new(usize::MAX);
-        let body = |fibre: &Batch| model.fibres[fibre.fibres.start].body.as_ref();
+        let only = |fibre: &Batch| model.fibres[fibre.fibres.start].only_implicit();
         Batch::all(model, motion, scratch, reaction).for_each(model, &|fibre| {
-            if body(fibre).is_none() {
+            if !only(fibre) {
                 fibre.begin(model, flow, step);
             }
         });
@@ -205,18 +205,15 @@ impl FibreSystem {
                     return;
                 }
                 fibre.add_contacts(model, contacts);
-                match body(fibre) {
-                    None => fibre.sub_step(model, flow.is_some(), k, n, step),
-                    Some(body) => {
-                        if !fibre.sub_step_rigid(model, body, flow, step, (k, n)) {
-                            given_up.fetch_min(fibre.fibres.start, Ordering::Relaxed);
-                        }
-                    }
+                if !only(fibre) {
+                    fibre.sub_step(model, flow.is_some(), k, n, step);
+                } else if !fibre.sub_step_implicit(model, flow, step, (k, n)) {
+                    given_up.fetch_min(fibre.fibres.start, Ordering::Relaxed);
                 }
             });
         }
         Batch::all(model, motion, scratch, reaction).for_each(model, &|fibre| {
-            if body(fibre).is_none() {
+            if !only(fibre) {
                 fibre.end(model, flow);
             }
         });

@@ -5,7 +5,7 @@ use fibreflow_fibre::hydrodynamics::{
 };
 use fibreflow_fibre::{
     Equilibrium, Fibre, FibreSettings, FibreSystem, Hydrodynamics, ImplicitSettings, Integrator,
-    Material, Matrix3, Support, Vector3,
+    Kinematics, Material, Matrix3, Support, Vector3,
 };
 use fibreflow_parallel::Communicator;
 use std::f64::consts::PI;
@@ -398,7 +398,11 @@ fn a_rigid_fibre_is_the_limit_of_a_stiff_one() {
             Material::new(0.02, stiffness, 0.3, 50.0),
             nodes.collect(),
         );
-        fibre.rigid = rigid;
+        fibre.kinematics = if rigid {
+            Kinematics::Rigid
+        } else {
+            Kinematics::Full
+        };
         let hydrodynamics = hydrodynamics(1.0, 0.1, DragModel::default());
         system(
             fibre,
@@ -441,7 +445,7 @@ fn a_rigid_fibre_spins_as_a_free_top() {
         Vector3::new(1.6, 0.8, 1.0),
     ];
     let mut fibre = Fibre::new(1, material(0.05), nodes.to_vec());
-    fibre.rigid = true;
+    fibre.kinematics = Kinematics::Rigid;
     let mut s = system(fibre, settings(fixed(false)));
     let w = Vector3::new(1.0, 0.3, -0.5);
     s.angular_velocities_mut().fill(w);
@@ -465,7 +469,7 @@ fn a_rigid_fibre_spins_as_a_free_top() {
     let again = |n| {
         let mut t = system(
             Fibre {
-                rigid: true,
+                kinematics: Kinematics::Rigid,
                 ..Fibre::new(1, material(0.05), nodes.to_vec())
             },
             settings(fixed(false)),
@@ -483,7 +487,7 @@ fn a_rigid_fibre_spins_as_a_free_top() {
 #[test]
 fn a_rigid_fibre_cannot_be_held() {
     let mut fibre = Fibre::straight(1, material(0.05), Vector3::zeros(), Vector3::x(), 2);
-    fibre.rigid = true;
+    fibre.kinematics = Kinematics::Rigid;
     fibre.supports = vec![Support::clamp(0)];
     let result = FibreSystem::new(
         Communicator::single(),

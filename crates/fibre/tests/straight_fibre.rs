@@ -5,7 +5,7 @@ use fibreflow_fibre::hydrodynamics::{
 };
 use fibreflow_fibre::{
     Equilibrium, Fibre, FibreSettings, FibreSystem, Hydrodynamics, ImplicitSettings, Integrator,
-    Material, Matrix3, Points, Support, Vector3,
+    Kinematics, Material, Matrix3, Points, Support, Vector3,
 };
 use fibreflow_parallel::Communicator;
 use std::f64::consts::{LN_2, PI};
@@ -155,7 +155,11 @@ fn split_drag_keeps_momentum() {
                 })
                 .collect();
             for fibre in &mut fibres {
-                fibre.rigid = rigid;
+                fibre.kinematics = if rigid {
+                    Kinematics::Rigid
+                } else {
+                    Kinematics::Full
+                };
             }
             let settings = settings(drag, TorqueModel::default(), integrator);
             let mut s = FibreSystem::new(Communicator::single(), settings, fibres).expect("valid");
@@ -180,7 +184,11 @@ fn integrators_agree_on_split_drag() {
         let material = Material::new(0.5, 3e6, 0.3, 0.05);
         let axis = Vector3::new(0.2, 1.0, 0.4).normalize() * 20.0;
         let mut fibre = Fibre::straight(0, material, axis * -0.5, axis * 0.5, 6);
-        fibre.rigid = rigid;
+        fibre.kinematics = if rigid {
+            Kinematics::Rigid
+        } else {
+            Kinematics::Full
+        };
         let split = SlenderConstants::Split;
         let settings = settings(
             DragModel::SlenderBody(split),
@@ -236,7 +244,11 @@ fn particle_stress_is_that_of_slender_bodies() {
             };
             let half = p * (0.5 * r_p);
             let mut fibre = Fibre::straight(0, material, centre - half, centre + half, 6);
-            fibre.rigid = !is_held;
+            fibre.kinematics = if is_held {
+                Kinematics::Full
+            } else {
+                Kinematics::Rigid
+            };
             if is_held {
                 fibre.supports = (0..=6).map(Support::clamp).collect();
             }

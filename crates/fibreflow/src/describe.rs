@@ -1,9 +1,9 @@
 //! What is on and what is off in a run, with the number that decided it.
 
 use crate::case::{Case, CouplingMode, FibreGroup, IntegratorKind, Quantity};
-use crate::scene::{PlacementReport, Scene, is_rigid, length_of};
+use crate::scene::{PlacementReport, Scene, kinematics as motion, length_of};
 use fibreflow_fibre::hydrodynamics::BUCKLING_FLEXIBILITY;
-use fibreflow_fibre::{FibreSettings, Integrator, Material};
+use fibreflow_fibre::{FibreSettings, Integrator, Kinematics, Material};
 
 /// A few lines, for a check and for the log of a run.
 pub fn describe(scene: &Scene, case: &Case) -> Vec<String> {
@@ -96,13 +96,17 @@ fn kinematics(case: &Case, group: &FibreGroup, modulus: f64) -> String {
         group.density,
     );
     let length = length_of(group).unwrap_or(0.0);
-    match is_rigid(case, group, &material, length) {
-        (true, None) => "rigid".to_owned(),
-        (false, None) => "flexible".to_owned(),
-        (rigid, Some(number)) => format!(
-            "{} as ζ⊥γ̇L⁴/EI = {number:.3} and {BUCKLING_FLEXIBILITY} buckles it",
-            if rigid { "rigid" } else { "flexible" }
-        ),
+    let (kinematics, number) = motion(case, group, &material, length);
+    let name = match kinematics {
+        Kinematics::Full => "flexible",
+        Kinematics::TwistFree => "flexible without twist",
+        Kinematics::Rigid => "rigid",
+    };
+    match number {
+        None => name.to_owned(),
+        Some(number) => {
+            format!("{name} as ζ⊥γ̇L⁴/EI = {number:.3} and {BUCKLING_FLEXIBILITY} buckles it")
+        }
     }
 }
 

@@ -97,7 +97,7 @@ impl Joint {
         for f in 0..model.fibres.len() {
             let nodes = model.node_range(f).len();
             let mut part = Part::default();
-            part.work.resize(nodes);
+            part.work.resize(nodes, false);
             for vector in [
                 &mut part.answer,
                 &mut part.residual,

@@ -24,9 +24,6 @@ impl LowRank {
     pub fn resize(&mut self, nodes: usize) {
         self.share.resize(nodes, 0.0);
         self.response.resize(nodes, Matrix3::zeros());
-        for column in &mut self.columns {
-            column.resize(nodes, Vector6::zeros());
-        }
     }
 
     pub fn clear(&mut self) {
@@ -36,9 +33,22 @@ impl LowRank {
     }
 
     /// W x.
-    fn respond(response: &[Matrix3], x: &[Vector6<f64>]) -> Vector3 {
-        let pairs = response.iter().zip(x);
-        pairs.map(|(w, x)| w * x.fixed_rows::<3>(0)).sum()
+    fn respond(response: &[Matrix3], x: &[Vector6<f64>], paired: bool) -> Vector3 {
+        let each = response.iter().enumerate();
+        each.map(|(i, w)| {
+            let (row, first) = place(i, paired);
+            w * x[row].fixed_rows::<3>(first)
+        })
+        .sum()
+    }
+}
+
+/// Row of a node's position and its first unknown there: two nodes share a row where there are no rotations.
+pub(super) fn place(node: usize, paired: bool) -> (usize, usize) {
+    if paired {
+        (node / 2, 3 * (node % 2))
+    } else {
+        (node, 0)
     }
 }
 
@@ -52,12 +62,14 @@ impl Workspace {
         }
         let mut tied = Matrix3::identity();
         for (c, column) in low.columns.iter_mut().enumerate() {
-            for (x, share) in column.iter_mut().zip(&low.share) {
-                *x = Vector6::zeros();
-                x[c] = *share;
+            column.resize(self.rows.len(), Vector6::zeros());
+            column.fill(Vector6::zeros());
+            for (i, share) in low.share.iter().enumerate() {
+                let (row, first) = place(i, self.paired);
+                column[row][first + c] = *share;
             }
             solve(&self.rows, column);
-            let moved = LowRank::respond(&low.response, column);
+            let moved = LowRank::respond(&low.response, column, self.paired);
             let left = tied.column(c) - moved;
             tied.set_column(c, &left);
         }
@@ -71,7 +83,7 @@ impl Workspace {
         if !low.active {
             return;
         }
-        let pull = low.answer * LowRank::respond(&low.response, &self.rhs);
+        let pull = low.answer * LowRank::respond(&low.response, &self.rhs, self.paired);
         for (i, x) in self.rhs.iter_mut().enumerate() {
             for (c, column) in low.columns.iter().enumerate() {
                 *x += column[i] * pull[c];

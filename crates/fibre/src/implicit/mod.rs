@@ -14,6 +14,7 @@
 //! block-tridiagonal, 6×6 a node.
 
 mod blocks;
+mod chain;
 mod joint;
 mod low_rank;
 mod point;
@@ -23,6 +24,7 @@ mod stage;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use chain::for_hinges;
 pub(crate) use joint::{Joint, Parties};
 pub(crate) use rigid::Body;
 
@@ -50,12 +52,12 @@ impl Integrator {
     /// Explicit sub-steps that cost as much as an implicit step.
     pub const WORTH: usize = 60;
 
-    /// The implicit settings, where a step that takes `explicit` explicit sub-steps is to be implicit. A `rigid` fibre
-    /// has no other integrator.
-    pub(crate) fn implicit(&self, explicit: usize, rigid: bool) -> Option<&ImplicitSettings> {
+    /// The implicit settings, where a step that takes `explicit` explicit sub-steps is to be implicit. `only` is for fibres
+    /// that have no other integrator.
+    pub(crate) fn implicit(&self, explicit: usize, only: bool) -> Option<&ImplicitSettings> {
         match self {
-            Self::Explicit if rigid => Some(&ImplicitSettings::DEFAULT),
-            Self::Auto(settings) if rigid => Some(settings),
+            Self::Explicit if only => Some(&ImplicitSettings::DEFAULT),
+            Self::Auto(settings) if only => Some(settings),
             Self::Explicit => None,
             Self::Implicit(settings) => Some(settings),
             Self::Auto(settings) => (explicit > Self::WORTH).then_some(settings),
@@ -128,6 +130,8 @@ struct Workspace {
     /// Inertia and lumped drag of position and rotation in the matrix, for the error estimate.
     slow: Vec<[Matrix3<f64>; 2]>,
     low_rank: LowRank,
+    /// Rows hold the positions of two nodes each, in place of position and rotation of one.
+    paired: bool,
 }
 
 thread_local! {
@@ -205,9 +209,10 @@ impl Batch<'_> {
             symmetric: false,
         };
         WORKSPACE.with_borrow_mut(|work| {
-            work.resize(self.position.len());
+            let constants = &model.fibres[self.fibres.start];
+            work.resize(self.position.len(), constants.twist_free);
             self.store(&mut work.first);
-            let done = match &model.fibres[self.fibres.start].body {
+            let done = match &constants.body {
                 Some(body) => self.sub_cycle_rigid(&action, body, dt),
                 None => self.sub_cycle(&action, work, dt),
             };
@@ -216,12 +221,11 @@ impl Batch<'_> {
         })
     }
 
-    /// A rigid fibre through sub-step `k` of `n` of length `step`, under the loads in `load` too, which are cleared.
-    /// Whether an answer was found.
-    pub fn sub_step_rigid(
+    /// A rigid or twist-free fibre through sub-step `k` of `n` of length `step`, under the loads in `load` too, which are
+    /// cleared. Whether an answer was found.
+    pub fn sub_step_implicit(
         &mut self,
         model: &Model,
-        body: &Body,
         flow: Option<Flow>,
         step: f64,
         (k, n): (usize, usize),
@@ -239,7 +243,14 @@ impl Batch<'_> {
             self.reaction_force.fill(Vector3::zeros());
             self.reaction_torque.fill(Vector3::zeros());
         }
-        let found = self.rigid_step(&action, body, step, (k, n)).is_some();
+        let constants = &model.fibres[self.fibres.start];
+        let found = match &constants.body {
+            Some(body) => self.rigid_step(&action, body, step, (k, n)).is_some(),
+            None => WORKSPACE.with_borrow_mut(|work| {
+                work.resize(self.position.len(), constants.twist_free);
+                self.implicit_step(&action, work, step, (k, n)).is_some()
+            }),
+        };
         self.load.fill(Load::ZERO);
         found
     }
@@ -331,7 +342,8 @@ impl Batch<'_> {
 }
 
 impl Workspace {
-    fn resize(&mut self, nodes: usize) {
+    /// Fits the work space to a fibre, with or without rotations.
+    fn resize(&mut self, nodes: usize, twist_free: bool) {
         let entry = Entry {
             position: Vector3::zeros(),
             velocity: Vector3::zeros(),
@@ -344,8 +356,10 @@ impl Workspace {
             orientation: Quaternion::identity(),
             spin: Vector3::zeros(),
         };
-        self.rows.resize(nodes, Row::ZERO);
-        self.rhs.resize(nodes, Vector6::zeros());
+        self.paired = twist_free;
+        let rows = if twist_free { nodes.div_ceil(2) } else { nodes };
+        self.rows.resize(rows, Row::ZERO);
+        self.rhs.resize(rows, Vector6::zeros());
         self.base.resize(nodes, base);
         self.first.resize(nodes, entry);
         self.entry.resize(nodes, entry);

@@ -30,6 +30,7 @@ impl Batch<'_> {
             let length = span.norm();
             let t = span / length;
             section.segment_length = model.segments[s].rest_length;
+            let relative = self.velocity[i + 1] - self.velocity[i];
             for (k, p) in range.enumerate() {
                 let xi = abscissa(k, count);
                 let (velocity, gradient) = match flow.formula {
@@ -42,6 +43,13 @@ impl Batch<'_> {
                 let arm = along + section.segment_length * xi;
                 section.place = 2.0 * arm / constants.length;
                 let slip = velocity - self.velocity[i] * (1.0 - xi) - self.velocity[i + 1] * xi;
+                let rotation = spin(&gradient);
+                let angular_velocity = if constants.twist_free {
+                    // About its tangent it spins with the fluid.
+                    [t.cross(&relative) / length + t * t.dot(&rotation); 2]
+                } else {
+                    [self.angular_velocity[i], self.angular_velocity[i + 1]]
+                };
                 let torque = law.torque.torque(&t, &gradient, &section, &law.fluid);
                 let point = Point {
                     xi,
@@ -50,10 +58,10 @@ impl Batch<'_> {
                     tangent: t,
                     length,
                     slip,
-                    spin: spin(&gradient),
+                    spin: rotation,
                     gradient,
                     steepness: flow.formula.map_or_else(Matrix3::zeros, |_| gradient),
-                    angular_velocity: [self.angular_velocity[i], self.angular_velocity[i + 1]],
+                    angular_velocity,
                     drag: law.drag.response(&t, &slip, &section, &law.fluid),
                     spin_drag: Resistance {
                         normal: torque.resistance_normal,

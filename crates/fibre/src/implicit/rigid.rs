@@ -6,6 +6,7 @@
 
 use super::point::Point;
 use super::rotation::{rotation_between, turned};
+use super::stage::QUADRATURE;
 use super::{Action, Done, GAMMA, Refinement};
 use crate::beam::{Segment, tangent};
 use crate::integrate::Batch;
@@ -152,11 +153,9 @@ impl Batch<'_> {
         let end = self.rigid_stage(action, body, &base, &momentum, h, moment(1.0))?;
         self.exchange(action, share * GAMMA, moment(1.0));
         // Against the third-order quadrature of the velocities at 0, γ and 1.
-        let first = 1.0 / (6.0 * GAMMA * (1.0 - GAMMA));
-        let last = (1.0 / 3.0 - 0.5 * GAMMA) / (1.0 - GAMMA);
-        let missed = |a: Vector3, b: Vector3, c: Vector3| {
-            (a * (1.0 - first - last) + b * (first - 1.0 + GAMMA) + c * (last - GAMMA)).norm() * h
-        };
+        let [first, second, last] = QUADRATURE;
+        let missed =
+            |a: Vector3, b: Vector3, c: Vector3| (a * first + b * second + c * last).norm() * h;
         let length = action.model.fibres[self.fibres.start].length;
         let turned = missed(start.spin, middle.spin, end.spin) * 0.5 * length;
         Some(missed(start.velocity, middle.velocity, end.velocity) + turned)

@@ -13,10 +13,16 @@ use nalgebra::Vector6;
 
 /// Change of a position over the segment length, or of a rotation, at which Newton's iteration stops. The last change is
 /// made, so that the error left is about its square.
-const CLOSE: f64 = 1e-6;
+pub(super) const CLOSE: f64 = 1e-6;
 /// Largest rotation of one Newton step.
 const STRIDE: f64 = 0.4;
-const MOST_ITERATIONS: usize = 20;
+pub(super) const MOST_ITERATIONS: usize = 20;
+/// What the third-order quadrature of the velocities at 0, γ and 1 has more than the step.
+pub(super) const QUADRATURE: [f64; 3] = {
+    let middle = 1.0 / (6.0 * GAMMA * (1.0 - GAMMA));
+    let last = (1.0 / 3.0 - 0.5 * GAMMA) / (1.0 - GAMMA);
+    [1.0 - middle - last, middle - 1.0 + GAMMA, last - GAMMA]
+};
 
 impl Batch<'_> {
     /// Advances one fibre by `h`, sub-step k of n, and adds its share of the mean reaction. The estimated error of the positions over the
@@ -59,6 +65,10 @@ impl Batch<'_> {
         }
         self.solve_stage(action, work, tau, moment(1.0))?;
         self.exchange(action, share * GAMMA, moment(1.0));
+        if work.paired {
+            self.follow(action.model, work);
+            return Some(self.chain_error(action, work, h));
+        }
         Some(self.error(action, work, h))
     }
 
@@ -72,6 +82,9 @@ impl Batch<'_> {
         tau: f64,
         moment: f64,
     ) -> Option<()> {
+        if work.paired {
+            return self.solve_chain(action, work, tau, moment);
+        }
         let fibre = self.fibres.start;
         let nodes = &action.model.nodes[action.model.node_range(fibre)];
         let scale = (nodes.len() - 1) as f64 / action.model.fibres[fibre].length;
@@ -347,13 +360,7 @@ impl Batch<'_> {
         if action.settings.tolerance == f64::INFINITY {
             return 0.0;
         }
-        let middle = 1.0 / (6.0 * GAMMA * (1.0 - GAMMA));
-        let last = (1.0 / 3.0 - 0.5 * GAMMA) / (1.0 - GAMMA);
-        let weights = [
-            h * (1.0 - middle - last),
-            h * (middle - 1.0 + GAMMA),
-            h * (last - GAMMA),
-        ];
+        let weights = QUADRATURE.map(|weight| weight * h);
         let nodes = &model.nodes[model.node_range(fibre)];
         for (i, node) in nodes.iter().enumerate() {
             let (entry, [v, w]) = (&work.entry[i], &work.middle[i]);

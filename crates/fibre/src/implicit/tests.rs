@@ -72,7 +72,7 @@ fn worst_column(drag: DragModel, torque: TorqueModel, speed: f64) -> f64 {
     let mut fibre = Batch::all(action.model, motion, scratch, &mut system.reaction);
     let mut work = Workspace::default();
     let nodes = start.position.len();
-    work.resize(nodes);
+    work.resize(nodes, false);
     for i in 0..nodes {
         work.base[i] = Base {
             position: start.position[i],

@@ -162,15 +162,7 @@ impl FibreSystem {
                     + node.transverse_inertia * (w.norm_squared() - axial)
                     + node.axial_inertia * axial);
         }
-        if self.model.fibres[fibre].body.is_some() {
-            return [kinetic, 0.0];
-        }
-        let segments = &self.model.segments[self.model.segment_range(fibre)];
-        let energy = |(s, segment): (usize, &crate::beam::Segment)| {
-            let (start, end) = self.segment_poses(fibre, s);
-            segment.energy(start, end).total()
-        };
-        [kinetic, segments.iter().enumerate().map(energy).sum()]
+        [kinetic, self.elastic_energy(fibre).total()]
     }
 
     /// Power that is lost in the material of a local fibre \[W\].
@@ -178,6 +170,9 @@ impl FibreSystem {
         let constants = &self.model.fibres[fibre];
         if constants.material.retardation == 0.0 || constants.body.is_some() {
             return 0.0;
+        }
+        if constants.twist_free {
+            return self.chain_viscous_power(fibre);
         }
         let first = self.model.offsets[fibre];
         let motion = |i: usize| EndMotion {

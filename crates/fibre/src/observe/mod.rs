@@ -9,6 +9,7 @@ pub(crate) use budget::{Account, Accounts};
 pub use statistics::{FOURTH, Histogram, OrientationMoments};
 
 use crate::beam::{ElasticEnergy, tangent};
+use crate::implicit::for_hinges;
 use crate::{FibreSystem, Vector3};
 use fibreflow_parallel::{block_sum, block_sums};
 
@@ -55,23 +56,47 @@ impl FibreSystem {
         let nodes = self.model.nodes.len();
         let mut elastic = ElasticEnergy::default();
         for f in 0..self.fibres() {
-            if self.model.fibres[f].body.is_some() {
-                continue;
-            }
-            let range = self.model.segment_range(f);
-            for (s, segment) in self.model.segments[range].iter().enumerate() {
-                let (start, end) = self.segment_poses(f, s);
-                let e = segment.energy(start, end);
-                elastic.stretching += e.stretching;
-                elastic.bending += e.bending;
-                elastic.torsion += e.torsion;
-            }
+            let e = self.elastic_energy(f);
+            elastic.stretching += e.stretching;
+            elastic.bending += e.bending;
+            elastic.torsion += e.torsion;
         }
         Energy {
             kinetic: sum(nodes, kinetic),
             elastic,
             potential: sum(nodes, |i| -self.given_force(i).dot(&m.position[i])),
         }
+    }
+
+    /// Elastic energy of a local fibre.
+    pub(crate) fn elastic_energy(&self, fibre: usize) -> ElasticEnergy {
+        let mut sum = ElasticEnergy::default();
+        let constants = &self.model.fibres[fibre];
+        if constants.body.is_some() {
+            return sum;
+        }
+        let segments = &self.model.segments[self.model.segment_range(fibre)];
+        if constants.twist_free {
+            let nodes = self.model.node_range(fibre);
+            let position = &self.motion.position[nodes.clone()];
+            for (segment, x) in segments.iter().zip(position.windows(2)) {
+                let stretch = (x[1] - x[0]).norm() - segment.rest_length;
+                sum.stretching += 0.5 * segment.axial * stretch * stretch;
+            }
+            let orientation = &self.motion.orientation[nodes];
+            for_hinges(&self.model, fibre, position, orientation, |_, hinge| {
+                sum.bending += hinge.energy();
+            });
+            return sum;
+        }
+        for (s, segment) in segments.iter().enumerate() {
+            let (start, end) = self.segment_poses(fibre, s);
+            let e = segment.energy(start, end);
+            sum.stretching += e.stretching;
+            sum.bending += e.bending;
+            sum.torsion += e.torsion;
+        }
+        sum
     }
 
     /// Mass of the fibres of this rank \[kg\].

@@ -50,7 +50,7 @@ pub struct FibreGroup {
     /// load, else of its shape without load (which lies along x, a U in the plane x y).
     #[serde(default = "section_axis")]
     pub section_axis: [f64; 3],
-    /// Flexible or rigid.
+    /// What the fibres can do.
     #[serde(default)]
     pub kinematics: Kinematics,
     /// Shape without load.
@@ -175,16 +175,19 @@ pub enum Form {
     Straight,
 }
 
-/// Flexible or rigid.
+/// What fibres can do.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kinematics {
     /// A chain of beam elements: six unknowns a node.
     #[default]
     Flexible,
+    /// Without twist: three unknowns a node, always implicit. For fibres that are round and straight without load.
+    TwistFree,
     /// Keeps the shape it is placed in: six unknowns a fibre.
     Rigid,
-    /// Rigid where the viscous load of the shear rate is below a tenth of that which buckles the fibre.
+    /// Rigid where the viscous load of the shear rate is below a tenth of that which buckles the fibre, else without twist where
+    /// that can be, else flexible.
     Auto,
 }
 

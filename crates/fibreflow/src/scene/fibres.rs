@@ -7,6 +7,7 @@ use crate::case::{
 };
 use crate::error::ProgramError;
 use fibreflow_coupling::FibreLoad;
+use fibreflow_fibre::Kinematics as Motion;
 use fibreflow_fibre::contact::ContactSettings;
 use fibreflow_fibre::hydrodynamics::{
     BUCKLING_FLEXIBILITY, DragModel, FluidProperties, Section, SlenderConstants, SpheroidRatio,
@@ -88,23 +89,42 @@ pub fn place(
     }))
 }
 
-/// Whether a fibre of this length \[m\] keeps its shape, and ζ⊥γ̇L⁴/EI where that decides.
-pub fn is_rigid(
+/// What a fibre of this length \[m\] can do, and ζ⊥γ̇L⁴/EI where that decides whether it is rigid.
+pub fn kinematics(
     case: &Case,
     group: &FibreGroup,
     material: &Material,
     length: f64,
-) -> (bool, Option<f64>) {
+) -> (Motion, Option<f64>) {
+    let bends = if may_lack_twist(case, group) {
+        Motion::TwistFree
+    } else {
+        Motion::Full
+    };
     let section = Section::middle(group.diameter, length);
     match (group.kinematics, case.shear_rate()) {
-        (Kinematics::Flexible, _) | (Kinematics::Auto, None) => (false, None),
-        (Kinematics::Rigid, _) => (true, None),
+        (Kinematics::Flexible, _) => (Motion::Full, None),
+        (Kinematics::TwistFree, _) => (Motion::TwistFree, None),
+        (Kinematics::Rigid, _) => (Motion::Rigid, None),
+        (Kinematics::Auto, None) => (bends, None),
         (Kinematics::Auto, Some(rate)) => {
             let stiffness = material.bending_stiffness();
             let number = flexibility(&section, stiffness, viscosity(case), rate);
-            (number < 0.1 * BUCKLING_FLEXIBILITY, Some(number))
+            let stiff = number < 0.1 * BUCKLING_FLEXIBILITY;
+            (if stiff { Motion::Rigid } else { bends }, Some(number))
         }
     }
+}
+
+/// Whether nothing twists the fibres of a group, and the integrator can do without.
+fn may_lack_twist(case: &Case, group: &FibreGroup) -> bool {
+    let integrator = match case.mechanics.integrator {
+        IntegratorKind::Auto => true,
+        IntegratorKind::Implicit => case.contact.is_none(),
+        IntegratorKind::Explicit => false,
+    };
+    let round = group.bending_ratio == 1.0 && !group.shear && group.twist == 0.0;
+    integrator && round && matches!(group.shape, Shape::Straight)
 }
 
 fn viscosity(case: &Case) -> f64 {
@@ -129,9 +149,9 @@ fn fibre(
     material.bending_ratio = group.bending_ratio;
     let last = nodes.len() - 1;
     let placed_length = nodes.windows(2).map(|p| (p[1] - p[0]).norm()).sum();
-    let (rigid, _) = is_rigid(case, group, &material, placed_length);
+    let (kinematics, _) = kinematics(case, group, &material, placed_length);
     let equilibrium = match (&group.shape, &group.placement) {
-        _ if rigid => Equilibrium::Placed,
+        _ if kinematics == Motion::Rigid => Equilibrium::Placed,
         (Shape::Straight, _) => Equilibrium::Straight,
         (Shape::AsPlaced, _) => Equilibrium::Placed,
         (_, Placement::Random { form, .. }) if *form == Form::Relaxed => Equilibrium::Placed,
@@ -154,7 +174,7 @@ fn fibre(
         twist: group.twist,
         taper: group.taper,
         section_axis: group.section_axis.into(),
-        rigid,
+        kinematics,
     }
 }
 

@@ -17,7 +17,7 @@ mod scatter;
 mod settings;
 
 pub use exact::errors;
-pub use fibres::{is_rigid, length as length_of};
+pub use fibres::{kinematics, length as length_of};
 pub use flow::{Flow, Solved};
 pub use mesh::{SceneMesh, build as build_mesh};
 pub use population::PlacementReport;
