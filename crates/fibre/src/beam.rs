@@ -304,6 +304,29 @@ impl Segment {
         (6.0 * self.bending - 2.0 * self.mutual, 2.0 * self.mutual)
     }
 
+    /// EA ε at this length \[N\].
+    pub(crate) fn tension(&self, length: f64) -> f64 {
+        self.axial * (length - self.rest_length)
+    }
+
+    /// Largest tensile stress under a bending moment \[N·m\] and a tension \[N\]: M/W + N/A of a round section \[Pa\].
+    pub(crate) fn tensile_stress(&self, moment: f64, tension: f64) -> f64 {
+        let area = std::f64::consts::PI * self.radius * self.radius;
+        4.0 * moment / (area * self.radius) + tension / area
+    }
+
+    /// [`Segment::tensile_stress`] at the two ends.
+    pub(crate) fn end_stresses(&self, start: Pose, end: Pose) -> [f64; 2] {
+        let span = end.position - start.position;
+        let length = span.norm();
+        let t = span / length;
+        let f = self.elastic_force(start, end);
+        [f.start_torque, f.end_torque].map(|torque| {
+            let moment = (torque - t * torque.dot(&t)).norm();
+            self.tensile_stress(moment, self.tension(length))
+        })
+    }
+
     /// Bound of the squared angular frequency \[1/s²\] of this segment with the masses \[kg\] it gives its two nodes and
     /// the squared radii of gyration \[m²\] across and along the tangent. The largest over all segments bounds the
     /// chain's.

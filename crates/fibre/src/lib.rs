@@ -10,6 +10,7 @@ pub mod hydrodynamics;
 pub mod placement;
 
 mod blocktri;
+mod breakage;
 mod drag;
 mod error;
 mod implicit;

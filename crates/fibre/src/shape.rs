@@ -1,7 +1,7 @@
 //! One fibre before it joins the system: material, placed and stress-free shape, supports, node frames.
 
 use crate::beam::{Segment, tangent};
-use crate::{FibreError, Quaternion, Vector3};
+use crate::{FibreError, FibreSystem, Quaternion, Vector3};
 
 /// A homogeneous, linearly elastic section: round, but for its bending stiffness.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,6 +21,8 @@ pub struct Material {
     /// Bending stiffness in the plane of tangent and [`Fibre::section_axis`], over that across the plane; their mean is
     /// EI. 1 for a section that bends alike in all directions.
     pub bending_ratio: f64,
+    /// Tensile stress at which the fibre breaks \[Pa\]; infinite for one that does not.
+    pub strength: f64,
 }
 
 impl Material {
@@ -34,6 +36,7 @@ impl Material {
             retardation: 0.0,
             shear: false,
             bending_ratio: 1.0,
+            strength: f64::INFINITY,
         }
     }
 
@@ -121,6 +124,14 @@ impl Material {
                 quantity: "shear modulus",
                 value: self.shear_modulus,
                 requirement: "at least a third of Young's modulus (Poisson's ratio up to 0.5)",
+            });
+        }
+        if self.strength.partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
+            return Err(FibreError::Material {
+                fibre,
+                quantity: "strength",
+                value: self.strength,
+                requirement: "positive",
             });
         }
         if !(self.retardation >= 0.0 && self.retardation.is_finite()) {
@@ -259,10 +270,10 @@ pub(crate) fn prepare(fibre: &Fibre) -> Result<Prepared, FibreError> {
             limit: 1 << SEGMENT_BITS,
         });
     }
-    if fibre.id >> (63 - SEGMENT_BITS) != 0 {
+    if fibre.id >= FibreSystem::ID_LIMIT {
         return Err(FibreError::IdTooLarge {
             fibre: fibre.id,
-            limit: 1 << (63 - SEGMENT_BITS),
+            limit: FibreSystem::ID_LIMIT,
         });
     }
     fibre.material.check(fibre.id)?;

@@ -115,17 +115,53 @@ impl FibreSystem {
 
     /// One fibre with those of the `springs` (in ascending order) that its segments come first in.
     pub(crate) fn record(&self, fibre: usize, springs: &[FrictionRecord]) -> FibreRecord {
+        let constants = &self.model.fibres[fibre];
+        let nodes = self.model.node_range(fibre);
+        let account = self.accounts.fibres[fibre];
+        let mut record = self.part(fibre, nodes, constants.id, account);
+        let mut words = Words(std::mem::take(&mut record.words));
+        let below = |id: u64| springs.partition_point(|s| s.a >> SEGMENT_BITS < id);
+        for spring in &springs[below(constants.id)..below(constants.id + 1)] {
+            words.0.extend([spring.a, spring.b]);
+            words.numbers(&spring.spring);
+        }
+        record.words = words.0;
+        record
+    }
+
+    /// A fibre in two parts, broken at `node` of it; the second one has the `id`.
+    pub(crate) fn parts(&self, fibre: usize, node: usize, id: u64) -> [FibreRecord; 2] {
+        let nodes = self.model.node_range(fibre);
+        let (first, last) = (nodes.start, nodes.end);
+        let account = self.accounts.fibres[fibre];
+        [
+            self.part(fibre, first..first + node + 1, self.id(fibre), account),
+            self.part(fibre, first + node..last, id, account.of_part()),
+        ]
+    }
+
+    /// Some consecutive nodes of a fibre as a fibre with this id, without friction springs.
+    fn part(
+        &self,
+        fibre: usize,
+        nodes: std::ops::Range<usize>,
+        id: u64,
+        account: Account,
+    ) -> FibreRecord {
         let model = &self.model;
         let constants = &model.fibres[fibre];
+        let skipped = nodes.start - model.offsets[fibre];
+        let segments = model.segment_range(fibre).start + skipped;
+        let segments = segments..segments + nodes.len() - 1;
         let mut words = Words(Vec::new());
-        let nodes = model.node_range(fibre);
         words.0.push(nodes.len() as u64);
+        words.0.push(constants.stem + skipped as u64);
         words.0.push(match (&constants.body, constants.twist_free) {
             (None, false) => 0,
             (Some(_), _) => 1,
             (None, true) => 2,
         });
-        words.0.extend(self.accounts.fibres[fibre].to_words());
+        words.0.extend(account.to_words());
         let m = &constants.material;
         words.numbers(&[
             m.radius,
@@ -135,16 +171,23 @@ impl FibreSystem {
             m.retardation,
             f64::from(m.shear),
             m.bending_ratio,
+            m.strength,
         ]);
-        for i in nodes {
+        for i in nodes.clone() {
             let node = &model.nodes[i];
             words
                 .0
                 .push(u64::from(node.holds_translation) | u64::from(node.holds_rotation) << 1);
             let motion = &self.motion;
+            // The part before has the load of the node that it shares.
+            let load = if skipped > 0 && i == nodes.start {
+                &Load::ZERO
+            } else {
+                &model.loads[i]
+            };
             for v in [
-                &model.loads[i].force,
-                &model.loads[i].torque,
+                &load.force,
+                &load.torque,
                 &motion.position[i],
                 &motion.velocity[i],
                 &motion.angular_velocity[i],
@@ -153,20 +196,12 @@ impl FibreSystem {
             }
             words.numbers(motion.orientation[i].coords.as_slice());
         }
-        for segment in &model.segments[model.segment_range(fibre)] {
+        for segment in &model.segments[segments] {
             words.numbers(&[segment.rest_length, segment.radius]);
             words.numbers(segment.start_frame.coords.as_slice());
             words.numbers(segment.end_frame.coords.as_slice());
         }
-        let below = |id: u64| springs.partition_point(|s| s.a >> SEGMENT_BITS < id);
-        for spring in &springs[below(constants.id)..below(constants.id + 1)] {
-            words.0.extend([spring.a, spring.b]);
-            words.numbers(&spring.spring);
-        }
-        FibreRecord {
-            id: constants.id,
-            words: words.0,
-        }
+        FibreRecord { id, words: words.0 }
     }
 
     fn read(
@@ -183,6 +218,7 @@ impl FibreSystem {
         if nodes < 2 || nodes > record.words.len() {
             return Err(reader.error("it has an impossible number of nodes"));
         }
+        let stem = reader.word()?;
         let kinematics = match reader.word()? {
             0 => Kinematics::Full,
             1 => Kinematics::Rigid,
@@ -191,7 +227,7 @@ impl FibreSystem {
         };
         let account = Account::from_words(reader.word()?, reader.numbers()?);
         let [radius, youngs_modulus, shear_modulus, density, retardation] = reader.numbers()?;
-        let [shear, bending_ratio] = reader.numbers()?;
+        let [shear, bending_ratio, strength] = reader.numbers()?;
         let material = Material {
             radius,
             youngs_modulus,
@@ -200,6 +236,7 @@ impl FibreSystem {
             retardation,
             shear: shear != 0.0,
             bending_ratio,
+            strength,
         };
         material.check(record.id)?;
         let mut held = Vec::with_capacity(nodes);
@@ -230,7 +267,7 @@ impl FibreSystem {
                 spring: reader.numbers()?,
             });
         }
-        self.push_constants(record.id, material, kinematics, segments, &held);
+        self.push_constants((record.id, stem), material, kinematics, segments, &held);
         let first = self.model.loads.len() - nodes;
         self.model.loads[first..].copy_from_slice(&loads);
         if let Some(last) = self.accounts.fibres.last_mut() {

@@ -78,6 +78,8 @@ impl Load {
 #[derive(Clone, Debug)]
 pub(crate) struct FibreConstants {
     pub id: u64,
+    /// Id of the first segment in the fibre that it has broken from; its own first one if it is whole.
+    pub stem: u64,
     pub material: Material,
     /// Sum of rest lengths \[m\].
     pub length: f64,
@@ -225,7 +227,7 @@ impl FibreSystem {
             node.1 |= support.rotation;
         }
         self.push_constants(
-            fibre.id,
+            (fibre.id, Self::segment_id(fibre.id, 0)),
             fibre.material,
             fibre.kinematics,
             prepared.segments,
@@ -234,10 +236,10 @@ impl FibreSystem {
         Ok(())
     }
 
-    /// Appends the constants of one fibre; `held` lists (translation, rotation) for each node.
+    /// Appends the constants of one fibre of this id and stem; `held` lists (translation, rotation) for each node.
     pub(crate) fn push_constants(
         &mut self,
-        id: u64,
+        (id, stem): (u64, u64),
         material: Material,
         kinematics: Kinematics,
         segments: Vec<Segment>,
@@ -291,6 +293,7 @@ impl FibreSystem {
         self.accounts.fibres.push(Account::default());
         self.model.fibres.push(FibreConstants {
             id,
+            stem,
             material,
             length: segments.iter().map(|s| s.rest_length).sum(),
             critical_step: match kinematics {
@@ -440,6 +443,9 @@ impl FibreSystem {
     pub fn angular_velocities_mut(&mut self) -> &mut [Vector3] {
         &mut self.motion.angular_velocity
     }
+
+    /// Ids of fibres are below this.
+    pub(crate) const ID_LIMIT: u64 = 1 << (63 - SEGMENT_BITS);
 
     /// Global id of segment `segment` of fibre `fibre` (a global id).
     pub fn segment_id(fibre: u64, segment: usize) -> u64 {

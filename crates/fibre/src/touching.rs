@@ -26,6 +26,7 @@ pub(crate) struct Axes {
     /// First node of each segment.
     node: Vec<u32>,
     ids: Vec<u64>,
+    stems: Vec<u64>,
     radius: Vec<f64>,
     mass: Vec<f64>,
 }
@@ -42,6 +43,7 @@ impl Axes {
                 };
                 new.node.push((model.offsets[f] + i) as u32);
                 new.ids.push(FibreSystem::segment_id(fibre.id, i));
+                new.stems.push(fibre.stem + i as u64);
                 new.radius.push(segment.radius);
                 new.mass
                     .push(section.density * section.area() * segment.rest_length);
@@ -53,6 +55,7 @@ impl Axes {
     pub fn moving<'a>(&'a self, motion: &'a Motion) -> Segments<'a> {
         Segments {
             ids: &self.ids,
+            stems: &self.stems,
             node: &self.node,
             radius: &self.radius,
             mass: &self.mass,

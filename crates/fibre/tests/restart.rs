@@ -93,7 +93,7 @@ fn a_resumed_run_is_bitwise_the_same() {
     let mut stripped = saved;
     let nodes = 7;
     for record in &mut stripped.records {
-        record.words.truncate(16 + 20 * nodes + 10 * (nodes - 1));
+        record.words.truncate(18 + 20 * nodes + 10 * (nodes - 1));
     }
     let left: usize = stripped.records.iter().map(|r| r.words.len()).sum();
     assert!(left < friction);
@@ -118,7 +118,7 @@ fn a_damaged_record_is_refused() {
     assert!(matches!(short, Err(FibreError::Record { fibre: 3, .. })));
     let huge = damage(&|s| s.records[1].words[0] = u64::MAX);
     assert!(matches!(huge, Err(FibreError::Record { fibre: 3, .. })));
-    let modulus = damage(&|s| s.records[0].words[10] = 0);
+    let modulus = damage(&|s| s.records[0].words[11] = 0);
     assert!(matches!(
         modulus,
         Err(FibreError::Material { fibre: 0, .. })

@@ -52,6 +52,7 @@ impl Rods {
         let n = self.ids.len();
         let segments = Segments {
             ids: &self.ids,
+            stems: &self.ids,
             node: &(0..n as u32).map(|i| 2 * i).collect::<Vec<_>>(),
             position: &self.position,
             velocity: &self.velocity,

@@ -11,7 +11,7 @@ use crate::output::log::Log;
 use crate::output::manifest::Manifest;
 use crate::scene::Scene;
 use crate::{describe, summary};
-use fibreflow_fibre::{Ambient, Points};
+use fibreflow_fibre::{Ambient, FibreSystem, Points};
 use fibreflow_parallel::Communicator;
 use std::fs::File;
 use std::io::Write;
@@ -122,6 +122,7 @@ impl Run {
                 if let Some(report) = timed(&mut times.spread, || scene.flow.spread(reaction))? {
                     figures.spread(&report);
                 }
+                scene.break_up()?;
             }
             // Convect, diffuse, project.
             if let Some(report) = timed(&mut times.fluid, || scene.flow.advance(dt))? {
@@ -271,6 +272,8 @@ fn resume(
     let (snapshot, moved) = agree(&scene.communicator, found.map_err(ProgramError::input))?;
     let restored = restore(scene, clock, snapshot);
     agree(&scene.communicator, restored)?;
+    let fibres = scene.fibres.as_ref().map_or(0, FibreSystem::fibres);
+    scene.fibre_count = scene.communicator.sum_count(fibres);
     if moved {
         let settled = scene.settle();
         agree(&scene.communicator, settled)?;

@@ -56,6 +56,11 @@ impl Hinge {
         0.5 * self.stiffness * squared_angle(a, b)
     }
 
+    /// b θ \[N·m\].
+    pub fn moment(&self) -> f64 {
+        (2.0 * self.stiffness * self.energy()).sqrt()
+    }
+
     pub fn stiffness(&self) -> HingeStiffness {
         let [a, b] = &self.directions;
         let (slope, curve) = squared_angle_slopes(a, b);

@@ -47,6 +47,7 @@ pub(super) struct Search {
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 struct Entry {
     id: u64,
+    stem: u64,
     start: [f64; 3],
     end: [f64; 3],
     radius: f64,
@@ -222,6 +223,7 @@ fn addressed(
         let [start, end] = segments.ends(index).map(Into::into);
         Entry {
             id: segments.ids[index],
+            stem: segments.stems[index],
             start,
             end,
             radius: segments.radius[index],
@@ -271,13 +273,13 @@ fn sorted(x: f64, y: f64) -> (f64, f64) {
     if x < y { (x, y) } else { (y, x) }
 }
 
-/// Segments so close along one fibre that they overlap by construction: adjacent ones, and those nearer along the
+/// Segments so close along what is or was one fibre that they overlap by construction: adjacent ones, and those nearer along the
 /// fibre than π times its radius, the shortest way in which a fibre can fold back onto itself.
 fn neighbours(a: &Entry, b: &Entry) -> bool {
-    if a.id >> SEGMENT_BITS != b.id >> SEGMENT_BITS {
+    if a.stem >> SEGMENT_BITS != b.stem >> SEGMENT_BITS {
         return false;
     }
-    let between = (b.id - a.id).saturating_sub(1) as f64;
+    let between = b.stem.abs_diff(a.stem).saturating_sub(1) as f64;
     let length = |e: &Entry| (e.ends()[1] - e.ends()[0]).norm();
     between == 0.0 || between * length(a).min(length(b)) < FRAC_PI_2 * (a.radius + b.radius)
 }

@@ -95,6 +95,8 @@ pub enum NormalDamping {
 pub struct Segments<'a> {
     /// Global ids: fibre << 20 | index in the fibre; one entry a segment, as `node`, `radius` and `mass`.
     pub ids: &'a [u64],
+    /// Ids in the fibres that they have broken from, by which neighbours are known; otherwise as `ids`.
+    pub stems: &'a [u64],
     /// First end of the axis, an index into the nodes; the second end is the next node.
     pub node: &'a [u32],
     /// Radius \[m\].

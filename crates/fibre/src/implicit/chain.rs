@@ -354,6 +354,14 @@ impl FibreSystem {
 }
 
 impl At {
+    /// The inner node between two segments.
+    pub fn joint(self) -> Option<usize> {
+        match self {
+            Self::Joint(node) => Some(node),
+            Self::Clamp { .. } => None,
+        }
+    }
+
     /// Rates of the hinge's two chords \[m/s\], with those of all chords.
     fn rates(
         self,

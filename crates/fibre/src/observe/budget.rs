@@ -70,6 +70,17 @@ impl Account {
     /// Words of a record.
     pub const WORDS: usize = 7;
 
+    pub(crate) fn is_open(&self) -> bool {
+        self.start.is_some()
+    }
+
+    pub(crate) fn opened_at(start: Option<[f64; 2]>) -> Self {
+        Self {
+            start,
+            works: [0.0; 4],
+        }
+    }
+
     pub fn to_words(self) -> [u64; Self::WORDS] {
         let [kinetic, elastic] = self.start.unwrap_or_default();
         let [a, b, c, d] = self.works;

@@ -33,6 +33,10 @@ pub struct FibreGroup {
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub retardation: f64,
+    /// Tensile stress at which a fibre breaks, from bending and tension together [Pa]. Default: it never does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub strength: Option<f64>,
     /// Fibres give way to shear (Timoshenko) instead of bending alone (Euler, Bernoulli).
     #[serde(default)]
     pub shear: bool,

@@ -146,6 +146,7 @@ fn fibre(
     let mut material = Material::new(radius, modulus, group.poisson_ratio, group.density);
     material.retardation = group.retardation;
     material.shear = group.shear;
+    material.strength = group.strength.unwrap_or(f64::INFINITY);
     material.bending_ratio = group.bending_ratio;
     let last = nodes.len() - 1;
     let placed_length = nodes.windows(2).map(|p| (p[1] - p[0]).norm()).sum();

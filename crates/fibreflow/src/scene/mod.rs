@@ -40,6 +40,8 @@ pub struct Scene {
     pub fibres: Option<FibreSystem>,
     /// Fibres on all ranks.
     pub fibre_count: usize,
+    /// Some of them have a strength.
+    breakable: bool,
     /// What came of random placement.
     pub placements: Vec<PlacementReport>,
     /// Periodic directions.
@@ -84,6 +86,7 @@ impl Scene {
             flow,
             fibres,
             fibre_count,
+            breakable: case.fibres.iter().any(|group| group.strength.is_some()),
             placements,
             periods,
             mesh_checksum,
@@ -97,6 +100,23 @@ impl Scene {
     pub fn owned_nodes(&self) -> Vec<u64> {
         let mesh = self.flow.fluid().map(|f| f.mesh());
         mesh.map_or_else(Vec::new, |m| m.global_nodes[..m.owned()].to_vec())
+    }
+
+    /// Breaks fibres that have reached their strength. Collective.
+    ///
+    /// # Errors
+    /// Fibres at positions that are not finite; no ids left.
+    pub fn break_up(&mut self) -> Result<(), ProgramError> {
+        if let Some(fibres) = self.fibres.as_mut().filter(|_| self.breakable) {
+            let breaks = fibres.break_up()?;
+            self.fibre_count += breaks;
+            if breaks > 0
+                && let Flow::Solved(solved) = &mut self.flow
+            {
+                solved.coupling.forget();
+            }
+        }
+        Ok(())
     }
 
     /// The fibres act back on the fluid.

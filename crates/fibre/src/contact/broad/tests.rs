@@ -42,6 +42,7 @@ impl Cloud {
     fn segments(&self) -> Segments<'_> {
         Segments {
             ids: &self.ids,
+            stems: &self.ids,
             node: &self.node,
             position: &self.position,
             velocity: &[],

@@ -46,6 +46,7 @@ impl Rods {
     fn segments(&self) -> Segments<'_> {
         Segments {
             ids: &self.ids,
+            stems: &self.ids,
             node: &self.node,
             radius: &self.radius,
             mass: &self.mass,

@@ -12,6 +12,7 @@ impl Rod {
     fn load(&self, contacts: &mut ContactSystem, dt: f64) -> SegmentLoad {
         let segments = Segments {
             ids: &[0],
+            stems: &[0],
             node: &[0],
             position: &self.ends,
             velocity: &[self.velocity; 2],
