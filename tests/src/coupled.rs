@@ -1,6 +1,6 @@
 //! A small two-way coupled flow for the conservation tests: random fibres in a random flow.
 
-use fibreflow_coupling::{Coupling, FibreLoad, SpreadReport};
+use fibreflow_coupling::{Coupling, FibreLoad, Kernel, SpreadReport};
 use fibreflow_fibre::hydrodynamics::{DragModel, FluidProperties, TorqueModel};
 use fibreflow_fibre::{
     Ambient, Fibre, FibreSettings, FibreSystem, Hydrodynamics, Material, Points,
@@ -16,6 +16,8 @@ use std::sync::Arc;
 
 /// Edge of the box \[m\].
 pub const BOX: f64 = 2e-3;
+/// A kernel that is 1.2 elements wide on five of them.
+pub const GAUSSIAN: Kernel = Kernel::Gaussian { width: 0.24 * BOX };
 /// Scale of the initial velocity \[m/s\].
 pub const SPEED: f64 = 0.05;
 const DENSITY: f64 = 1000.0;
@@ -43,7 +45,11 @@ impl Coupled {
     ///
     /// # Errors
     /// What the parts report.
-    pub fn new(communicator: &Communicator, unit: &BoxMesh) -> Result<Self, Box<dyn Error>> {
+    pub fn new(
+        communicator: &Communicator,
+        unit: &BoxMesh,
+        kernel: Kernel,
+    ) -> Result<Self, Box<dyn Error>> {
         let scaled = BoxMesh {
             size: unit.size.map(|s| s * BOX),
             ..unit.clone()
@@ -78,7 +84,7 @@ impl Coupled {
         Ok(Self {
             fluid,
             fibres: FibreSystem::new(communicator.clone(), settings, own)?,
-            coupling: Coupling::new(mesh, geometry, no_slip)?,
+            coupling: Coupling::with_kernel(mesh, geometry, no_slip, kernel)?,
             points: Points::default(),
             ambient: Ambient::default(),
             impulses: 0.0,

@@ -72,6 +72,11 @@ pub(crate) struct Bins {
 impl Bins {
     /// About one bin an item, cubic where the extents allow it.
     pub fn new(boxes: &[Bounds]) -> Self {
+        Self::at_least(boxes, 0.0)
+    }
+
+    /// Bins that are not narrower than `least` \[m\].
+    pub fn at_least(boxes: &[Bounds], least: f64) -> Self {
         let mut bounds = Bounds::empty();
         boxes.iter().for_each(|b| bounds.merge(b));
         if boxes.is_empty() {
@@ -80,7 +85,7 @@ impl Bins {
         let extent = bounds.high - bounds.low;
         let smallest = extent.max() * 1e-6 + f64::MIN_POSITIVE;
         let volume: f64 = extent.iter().map(|e| e.max(smallest)).product();
-        let width = (volume / boxes.len().max(1) as f64).cbrt();
+        let width = (volume / boxes.len().max(1) as f64).cbrt().max(least);
         let counts: [usize; 3] =
             std::array::from_fn(|k| ((extent[k] / width).ceil() as usize).clamp(1, 1 << 16));
         let widths = Vector3::from_fn(|k, _| extent[k].max(smallest) / counts[k] as f64);
@@ -136,6 +141,18 @@ impl Bins {
     /// Items whose boxes may contain the point.
     pub fn at(&self, point: &Vector3<f64>) -> &[u32] {
         self.items(self.cell(point))
+    }
+
+    /// Visits every item listed in the bins that a box touches; once when the items are points.
+    pub fn within(&self, b: &Bounds, mut visit: impl FnMut(u32)) {
+        let (low, high) = (self.cell(&b.low), self.cell(&b.high));
+        for k in low[2]..=high[2] {
+            for j in low[1]..=high[1] {
+                for i in low[0]..=high[0] {
+                    self.items([i, j, k]).iter().for_each(|&item| visit(item));
+                }
+            }
+        }
     }
 
     /// Visits items in rings of bins outwards from the point; `visit` returns the distance beyond which nothing

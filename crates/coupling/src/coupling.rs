@@ -1,16 +1,16 @@
 //! Sampling of the flow at fibre points and its adjoint, spreading of their forces and torques.
 
-use crate::CouplingError;
-use crate::locate::{Location, Locator};
-use crate::rendezvous::{Query, Rendezvous, Reply, UNKNOWN};
-use bytemuck::Zeroable;
+use crate::gaussian::Gaussian;
+use crate::locate::Locator;
+use crate::rendezvous::Rendezvous;
+use crate::{CouplingError, Kernel};
 use fibreflow_fibre::Ambient;
-use fibreflow_mesh::{DualGeometry, LocalMesh, shape};
+use fibreflow_mesh::{DualGeometry, LocalMesh};
 use fibreflow_parallel::Communicator;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use std::sync::Arc;
 
-/// Couples points that any rank owns to the fluid nodes of all ranks, with element shape functions (K 3.63–3.66).
+/// Couples points that any rank owns to the fluid nodes of all ranks, by the weights of a [`Kernel`].
 ///
 /// Points may lie anywhere in periodic directions (unwrapped). A point outside the domain is held at the nearest
 /// place of its boundary and counted.
@@ -19,13 +19,24 @@ pub struct Coupling {
     pub(crate) geometry: Arc<DualGeometry>,
     pub(crate) locator: Locator,
     pub(crate) rendezvous: Rendezvous,
+    /// None where the kernel is an element.
+    pub(crate) gaussian: Option<Gaussian>,
     pub(crate) no_slip: Vec<bool>,
     /// Force by node \[N\], length `mesh.total()`.
     pub(crate) nodal: Vec<[f64; 4]>,
 }
 
+/// What is sampled, by node with valid halo.
+pub(crate) struct Fields<'a> {
+    /// \[m/s\]
+    pub velocity: &'a [[f64; 4]],
+    /// Change of the velocity in a step \[m/s\].
+    pub change: Option<&'a [[f64; 4]]>,
+}
+
 impl Coupling {
-    /// `no_slip` marks the owned nodes whose velocity is given: force that lands there is wall force. Collective.
+    /// With the kernel [`Kernel::Element`]. `no_slip` marks the owned nodes whose velocity is given: force that lands
+    /// there is wall force. Collective.
     ///
     /// # Errors
     /// [`CouplingError::Length`] when `no_slip` does not have one entry for each owned node.
@@ -33,6 +44,19 @@ impl Coupling {
         mesh: Arc<LocalMesh>,
         geometry: Arc<DualGeometry>,
         no_slip: Vec<bool>,
+    ) -> Result<Self, CouplingError> {
+        Self::with_kernel(mesh, geometry, no_slip, Kernel::Element)
+    }
+
+    /// As [`Coupling::new`], with any kernel. Collective.
+    ///
+    /// # Errors
+    /// As [`Coupling::new`]; [`CouplingError::Width`].
+    pub fn with_kernel(
+        mesh: Arc<LocalMesh>,
+        geometry: Arc<DualGeometry>,
+        no_slip: Vec<bool>,
+        kernel: Kernel,
     ) -> Result<Self, CouplingError> {
         check_length("no_slip", no_slip.len(), mesh.owned())?;
         let locator = Locator::new(mesh.clone(), geometry.total_volume);
@@ -42,7 +66,12 @@ impl Coupling {
             locator.owned_bounds(),
             locator.scale(),
         );
+        kernel.check(locator.lattice().reach())?;
+        let gaussian = kernel
+            .width()
+            .map(|width| Gaussian::new(&mesh, &geometry, locator.lattice().clone(), width));
         Ok(Self {
+            gaussian,
             nodal: vec![[0.0; 4]; mesh.total()],
             mesh,
             geometry,
@@ -54,35 +83,57 @@ impl Coupling {
 
     /// Velocity and its gradient at `points` \[m\], from nodal `velocity` \[m/s\] with valid halo. Collective.
     ///
-    /// u = Σ N_i u_i, ∂u_a/∂x_b = Σ u_i,a ∂N_i/∂x_b with the shape functions of the element around the point.
+    /// u = Σ w_i u_i, ∂u_a/∂x_b = Σ u_i,a ∂w_i/∂x_b with the weights of the kernel.
     ///
     /// # Errors
-    /// [`CouplingError::NotFinite`] for a point at no finite position ([`CouplingError::OtherRank`] on the other
-    /// ranks), [`CouplingError::Length`] for a velocity of the wrong length.
+    /// [`CouplingError::NotFinite`] for a point at no finite position and [`CouplingError::Unresolved`] for one with too
+    /// few nodes ([`CouplingError::OtherRank`] on the other ranks), [`CouplingError::Length`] for a velocity of the wrong
+    /// length.
     pub fn sample(
         &mut self,
         velocity: &[[f64; 4]],
         points: &[Vector3<f64>],
         ambient: &mut Ambient,
     ) -> Result<(), CouplingError> {
-        check_length("velocity", velocity.len(), self.mesh.total())?;
-        let (mesh, locator) = (&self.mesh, &self.locator);
-        let answer = |query: &Query| {
-            let hint = (query.element != UNKNOWN).then_some((query.element, query.shift));
-            match locator.find(&query.position.into(), hint) {
-                Some(location) => interpolate(mesh, locator, velocity, &location),
-                None => nothing_here(),
-            }
-        };
-        let replies = self.rendezvous.place(points, answer)?;
+        let change = None;
+        self.sample_fields(&Fields { velocity, change }, points, ambient)
+    }
+
+    /// As [`Coupling::sample`], and the `change` of the velocity \[m/s\] at the points into [`Ambient::change`].
+    /// Collective.
+    ///
+    /// # Errors
+    /// As [`Coupling::sample`].
+    pub fn sample_changing(
+        &mut self,
+        velocity: &[[f64; 4]],
+        change: &[[f64; 4]],
+        points: &[Vector3<f64>],
+        ambient: &mut Ambient,
+    ) -> Result<(), CouplingError> {
+        check_length("change", change.len(), self.mesh.total())?;
+        let change = Some(change);
+        self.sample_fields(&Fields { velocity, change }, points, ambient)
+    }
+
+    fn sample_fields(
+        &mut self,
+        fields: &Fields<'_>,
+        points: &[Vector3<f64>],
+        ambient: &mut Ambient,
+    ) -> Result<(), CouplingError> {
+        check_length("velocity", fields.velocity.len(), self.mesh.total())?;
         ambient.velocity.clear();
         ambient.gradient.clear();
-        for reply in &replies {
-            ambient.velocity.push(reply.velocity.into());
-            let g = &reply.gradient;
-            ambient.gradient.push(Matrix3::from_fn(|i, j| g[i][j]));
+        ambient.change.clear();
+        match self.gaussian.take() {
+            None => self.sample_elements(fields, points, ambient),
+            Some(mut gaussian) => {
+                let sampled = self.sample_gaussian(&mut gaussian, fields, points, ambient);
+                self.gaussian = Some(gaussian);
+                sampled
+            }
         }
-        Ok(())
     }
 
     /// Forgets where points were: to be called when the list of points changed, as by migration. Without it answers
@@ -105,48 +156,6 @@ impl Coupling {
 
     pub(crate) fn communicator(&self) -> &Communicator {
         self.mesh.halo.communicator()
-    }
-}
-
-fn interpolate(
-    mesh: &LocalMesh,
-    locator: &Locator,
-    velocity: &[[f64; 4]],
-    location: &Location,
-) -> Reply {
-    let element = location.element as usize;
-    let kind = mesh.elements.kinds[element];
-    let weights = shape::physical(kind, &locator.coordinates(element), location.reference);
-    let mut u = [0.0; 3];
-    let mut gradient = [[0.0; 3]; 3];
-    for (v, &node) in mesh.elements.nodes(element).iter().enumerate() {
-        let nodal = velocity[node as usize];
-        for i in 0..3 {
-            u[i] += weights.n[v] * nodal[i];
-            for j in 0..3 {
-                gradient[i][j] += nodal[i] * weights.gradient[v][j];
-            }
-        }
-    }
-    Reply {
-        velocity: u,
-        gradient,
-        reference: location.reference,
-        distance: location.distance,
-        global_element: mesh.global_elements[element],
-        shift: location.shift,
-        element: location.element,
-        certain: location.certain.into(),
-    }
-}
-
-/// The answer of a rank without elements: any other is better.
-fn nothing_here() -> Reply {
-    Reply {
-        distance: f64::INFINITY,
-        global_element: u64::MAX,
-        element: UNKNOWN,
-        ..Reply::zeroed()
     }
 }
 

@@ -16,8 +16,31 @@ pub enum CouplingError {
         /// Its position \[m\].
         position: [f64; 3],
     },
+    /// A Gaussian that is not positive, or reaches beyond a periodic image.
+    #[error(
+        "a kernel of width {width} m reaches {reach} m far: that has to be positive and at most the shortest period, {period} m"
+    )]
+    Width {
+        /// σ \[m\].
+        width: f64,
+        /// Its cut-off \[m\].
+        reach: f64,
+        /// Distance of the nearest images \[m\].
+        period: f64,
+    },
+    /// The nodes in reach of a point do not determine the kernel.
+    #[error(
+        "the kernel of width {width} m finds too few nodes around ({}, {}, {}): it has to be wider than the mesh is there",
+        position[0], position[1], position[2]
+    )]
+    Unresolved {
+        /// σ \[m\].
+        width: f64,
+        /// Where \[m\].
+        position: [f64; 3],
+    },
     /// Another rank failed; all ranks stop together.
-    #[error("a hydrodynamic point of another rank is not at a finite position")]
+    #[error("the coupling failed on another rank")]
     OtherRank,
     /// Arrays that belong together have different lengths.
     #[error("{what} has length {found}, expected {expected}")]

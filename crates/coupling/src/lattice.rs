@@ -47,6 +47,12 @@ impl Lattice {
         self.lowest = lowest;
     }
 
+    /// Largest radius of a ball around a point of the cell that reaches no further than the cells next to it.
+    pub fn reach(&self) -> f64 {
+        let steepest = self.dual.row_iter().map(|row| row.norm());
+        1.0 / steepest.fold(0.0, f64::max)
+    }
+
     /// The point moved by whole lattice vectors.
     pub fn image(&self, point: &Vector3<f64>, shift: Shift) -> Vector3<f64> {
         if shift == [0; 3] {

@@ -149,6 +149,17 @@ impl Locator {
             .coordinates(element, &mesh.nodes, &mesh.periods)
     }
 
+    /// Where a location is, in the frame of its point \[m\].
+    pub fn place(&self, location: &Location) -> Vector3<f64> {
+        let element = location.element as usize;
+        let kind = self.mesh.elements.kinds[element];
+        let coordinates = self.coordinates(element);
+        let weights = shape::physical(kind, &coordinates, location.reference);
+        let vertices = (0..kind.vertices()).map(|v| weights.n[v] * Vector3::from(coordinates[v]));
+        let place = vertices.sum::<Vector3<f64>>();
+        self.lattice.image(&place, location.shift.map(|s| -s))
+    }
+
     fn contained(&self, point: &Vector3<f64>, element: usize, shift: Shift) -> Option<Candidate> {
         let kind = self.mesh.elements.kinds[element];
         let x = self.lattice.image(point, shift);

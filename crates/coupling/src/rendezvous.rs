@@ -3,7 +3,9 @@
 use crate::CouplingError;
 use crate::boxes::Bounds;
 use crate::lattice::{Lattice, Shift};
+use crate::locate::Location;
 use bytemuck::{Pod, Zeroable};
+use fibreflow_mesh::LocalMesh;
 use fibreflow_parallel::Communicator;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -25,9 +27,12 @@ pub(crate) struct Query {
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub(crate) struct Reply {
-    pub velocity: [f64; 3],
+    /// Velocity, or the nearest place of the domain.
+    pub value: [f64; 3],
     /// `gradient[i][j]` = ∂u_i/∂x_j.
     pub gradient: [[f64; 3]; 3],
+    /// Change of the velocity in the step.
+    pub change: [f64; 3],
     pub reference: [f64; 3],
     /// Distance \[m\] from the element, 0 inside; infinite from a rank without elements.
     pub distance: f64,
@@ -37,6 +42,31 @@ pub(crate) struct Reply {
     pub element: u32,
     /// 1 when no other rank can know better.
     pub certain: u64,
+}
+
+impl Reply {
+    /// Where a point is, and no flow yet.
+    pub fn at(mesh: &LocalMesh, location: &Location) -> Self {
+        Self {
+            reference: location.reference,
+            distance: location.distance,
+            global_element: mesh.global_elements[location.element as usize],
+            shift: location.shift,
+            element: location.element,
+            certain: location.certain.into(),
+            ..Self::zeroed()
+        }
+    }
+
+    /// The answer of a rank without elements: any other is better.
+    pub fn nothing() -> Self {
+        Self {
+            distance: f64::INFINITY,
+            global_element: u64::MAX,
+            element: UNKNOWN,
+            ..Self::zeroed()
+        }
+    }
 }
 
 /// Where a point is hosted.

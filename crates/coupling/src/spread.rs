@@ -2,12 +2,9 @@
 
 use crate::CouplingError;
 use crate::coupling::{Coupling, check_length};
-use bytemuck::{Pod, Zeroable};
 use fibreflow_fibre::Reaction;
-use fibreflow_mesh::shape;
 use fibreflow_parallel::Communicator;
 use nalgebra::Vector3;
-use rayon::prelude::*;
 
 /// What one spread did, summed over ranks.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -25,32 +22,11 @@ pub struct SpreadReport {
     pub outside: usize,
 }
 
-/// A force and a torque on their way to the rank that owns the element.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-struct Load {
-    force: [f64; 3],
-    torque: [f64; 3],
-    reference: [f64; 3],
-    shift: [i32; 3],
-    element: u32,
-}
-
-/// A load turned into nodal forces.
-struct Nodal {
-    element: u32,
-    force: [Vector3<f64>; 8],
-    /// Σ x_i × f_i about the origin, in the frame of the point.
-    torque: Vector3<f64>,
-    /// How far that is from x × F + T.
-    torque_defect: Vector3<f64>,
-}
-
 impl Coupling {
     /// Adds the points' forces and torques to `body_force` \[N/m³\] (length total, owned entries are changed), where
     /// the last [`Coupling::sample`] found them. Collective. The exact adjoint of `sample`:
     ///
-    /// f_i = N_i F + ½ T × ∇N_i, divided by the dual volume, so that ΣF, Σ(x × F + T) and the power F·u + T·½∇×u are
+    /// f_i = w_i F + ½ T × ∇w_i, divided by the dual volume, so that ΣF, Σ(x × F + T) and the power F·u + T·½∇×u are
     /// kept to round-off.
     ///
     /// # Errors
@@ -65,35 +41,15 @@ impl Coupling {
         check_length("reaction.torque", reaction.torque.len(), points)?;
         check_length("body_force", body_force.len(), self.mesh.total())?;
         let communicator = self.communicator().clone();
-        let mut outgoing = vec![Vec::new(); communicator.size()];
-        for (k, place) in self.rendezvous.placements.iter().enumerate() {
-            outgoing[place.rank as usize].push(Load {
-                force: reaction.force[k].into(),
-                torque: reaction.torque[k].into(),
-                reference: place.reference,
-                shift: place.shift,
-                element: place.element,
-            });
-        }
         let mut sums = Sums::given(reaction, self.locator.scale());
         self.nodal.fill([0.0; 4]);
-        for loads in communicator.exchange(outgoing) {
-            let nodal: Vec<Nodal> = loads
-                .par_iter()
-                .with_min_len(64)
-                .map(|l| self.nodal(l))
-                .collect();
-            for one in &nodal {
-                let nodes = self.mesh.elements.nodes(one.element as usize);
-                for (&node, force) in nodes.iter().zip(&one.force) {
-                    let target = &mut self.nodal[node as usize];
-                    (0..3).for_each(|c| target[c] += force[c]);
-                }
-                sums.torque += one.torque;
-                sums.torque_defect += one.torque_defect;
+        match self.gaussian.take() {
+            None => self.spread_elements(reaction, &mut sums),
+            Some(gaussian) => {
+                self.spread_gaussian(&gaussian, reaction, &mut sums);
+                self.gaussian = Some(gaussian);
             }
         }
-        self.mesh.halo.accumulate(&mut self.nodal);
         for (i, total) in self.nodal[..self.mesh.owned()].iter().enumerate() {
             let force = Vector3::new(total[0], total[1], total[2]);
             sums.force += force;
@@ -106,44 +62,15 @@ impl Coupling {
         sums.outside = self.outside() as f64;
         Ok(sums.report(&communicator))
     }
-
-    fn nodal(&self, load: &Load) -> Nodal {
-        let element = load.element as usize;
-        let kind = self.mesh.elements.kinds[element];
-        let coordinates = self.locator.coordinates(element);
-        let weights = shape::physical(kind, &coordinates, load.reference);
-        let (force, torque) = (Vector3::from(load.force), Vector3::from(load.torque));
-        let back = load.shift.map(|s| -s);
-        let mut nodal = [Vector3::zeros(); 8];
-        let mut total = Vector3::zeros();
-        let mut position = Vector3::zeros();
-        for v in 0..kind.vertices() {
-            let gradient = Vector3::from(weights.gradient[v]);
-            nodal[v] = weights.n[v] * force + 0.5 * torque.cross(&gradient);
-            total += nodal[v];
-            position += weights.n[v] * Vector3::from(coordinates[v]);
-        }
-        let arms = coordinates.iter().zip(&nodal).take(kind.vertices());
-        let moment: Vector3<f64> = arms
-            .map(|(x, f)| (Vector3::from(*x) - position).cross(f))
-            .sum();
-        position = self.locator.lattice().image(&position, back);
-        Nodal {
-            element: load.element,
-            force: nodal,
-            torque: position.cross(&total) + moment,
-            torque_defect: position.cross(&(total - force)) + moment - torque,
-        }
-    }
 }
 
 /// Sums of one spread on this rank.
 #[derive(Default)]
-struct Sums {
+pub(crate) struct Sums {
     force: Vector3<f64>,
     force_given: Vector3<f64>,
-    torque: Vector3<f64>,
-    torque_defect: Vector3<f64>,
+    pub torque: Vector3<f64>,
+    pub torque_defect: Vector3<f64>,
     on_walls: Vector3<f64>,
     force_size: f64,
     torque_size: f64,

@@ -77,6 +77,7 @@ impl Cloud {
         let [position, velocity, angular_velocity] = &self.vectors;
         Segments {
             ids: &self.ids,
+            stems: &self.ids,
             node: &self.node,
             radius: &self.radius,
             mass: &self.mass,

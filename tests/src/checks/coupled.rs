@@ -1,7 +1,8 @@
 //! Fluid and fibres, two-way coupled, on several ranks.
 
 use super::{Outcome, ensure};
-use crate::coupled::{BOX, Coupled, SPEED};
+use crate::coupled::{BOX, Coupled, GAUSSIAN, SPEED};
+use fibreflow_coupling::Kernel;
 use fibreflow_mesh::{BoxElement, BoxMesh};
 use fibreflow_parallel::Communicator;
 
@@ -10,7 +11,12 @@ const DT: f64 = 2e-4;
 
 /// Positions, velocities and momentum as on one rank, while fibres change owner and cross periodic boundaries.
 pub fn ranks_agree(communicator: &Communicator) -> Outcome {
-    for element in [BoxElement::Hexahedron, BoxElement::Mixed] {
+    for (element, kernel) in [
+        (BoxElement::Hexahedron, Kernel::Element),
+        (BoxElement::Mixed, Kernel::Element),
+        (BoxElement::Hexahedron, GAUSSIAN),
+        (BoxElement::Mixed, GAUSSIAN),
+    ] {
         let mesh = BoxMesh {
             cells: [6, 6, 6],
             periodic: [true; 3],
@@ -19,8 +25,8 @@ pub fn ranks_agree(communicator: &Communicator) -> Outcome {
             seed: 2,
             ..BoxMesh::default()
         };
-        let mut shared = Coupled::new(communicator, &mesh)?;
-        let mut alone = Coupled::new(&Communicator::single(), &mesh)?;
+        let mut shared = Coupled::new(communicator, &mesh, kernel)?;
+        let mut alone = Coupled::new(&Communicator::single(), &mesh, kernel)?;
         let start = shared.momentum();
         for step in 0..STEPS {
             if step % 10 == 5 {

@@ -1,7 +1,7 @@
 //! Sampling and spreading across ranks give what one rank gives.
 
 use super::{Outcome, ensure};
-use fibreflow_coupling::{Coupling, FibreLoad, SpreadReport};
+use fibreflow_coupling::{Coupling, FibreLoad, Kernel, SpreadReport};
 use fibreflow_fibre::{Ambient, Reaction};
 use fibreflow_mesh::{BoxElement, BoxMesh};
 use fibreflow_mesh::{LocalMesh, distribute, geometry};
@@ -29,6 +29,7 @@ impl Transfer {
     fn new(
         communicator: &Communicator,
         element: BoxElement,
+        kernel: Kernel,
         ids: Vec<usize>,
     ) -> Result<Self, Box<dyn std::error::Error>> {
         let cube = BoxMesh {
@@ -51,7 +52,7 @@ impl Transfer {
             [(1.3 * a).sin(), (2.1 * a).cos(), (0.7 * a).sin(), 0.0]
         });
         Ok(Self {
-            coupling: Coupling::new(mesh.clone(), geometry, no_slip)?,
+            coupling: Coupling::with_kernel(mesh.clone(), geometry, no_slip, kernel)?,
             velocity: velocity.collect(),
             ids,
             ambient: Ambient::default(),
@@ -86,10 +87,17 @@ pub fn ranks_agree(communicator: &Communicator) -> Outcome {
         BoxElement::Tetrahedron,
         BoxElement::Mixed,
     ];
-    for element in kinds {
+    let gaussian = Kernel::Gaussian { width: 0.2 };
+    let gaussians = kinds.iter().map(|&element| (element, gaussian));
+    for (element, kernel) in kinds
+        .map(|e| (e, Kernel::Element))
+        .into_iter()
+        .chain(gaussians)
+    {
         let mine = (0..POINTS).filter(|k| k % size == rank).collect();
-        let mut shared = Transfer::new(communicator, element, mine)?;
-        let mut alone = Transfer::new(&Communicator::single(), element, (0..POINTS).collect())?;
+        let all = (0..POINTS).collect();
+        let mut shared = Transfer::new(communicator, element, kernel, mine)?;
+        let mut alone = Transfer::new(&Communicator::single(), element, kernel, all)?;
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(11);
         let mut random = || V3::from_fn(|_, _| rng.random_range(-1.0..1.0));
         let mut points: Vec<V3> = (0..POINTS)
@@ -177,7 +185,8 @@ pub fn crowded_fibres_are_handed_out(communicator: &Communicator) -> Outcome {
         let mine: Vec<usize> = (0..FIBRES)
             .filter(|k| (k + shift) % size == communicator.rank())
             .collect();
-        let mut transfer = Transfer::new(communicator, BoxElement::Hexahedron, mine)?;
+        let kernel = Kernel::Element;
+        let mut transfer = Transfer::new(communicator, BoxElement::Hexahedron, kernel, mine)?;
         let points: Vec<V3> = (0..POINTS)
             .map(|k| Vector3::new(0.1 + 0.001 * k as f64, 0.3, 0.2))
             .collect();
