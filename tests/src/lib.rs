@@ -5,3 +5,4 @@ pub mod coupled;
 pub mod launch;
 pub mod program;
 pub mod state;
+pub mod towed;

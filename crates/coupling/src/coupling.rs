@@ -149,6 +149,11 @@ impl Coupling {
         places.filter(|p| p.distance > limit).count()
     }
 
+    /// Typical size of an element \[m\].
+    pub fn spacing(&self) -> f64 {
+        self.locator.scale()
+    }
+
     /// Rank that holds the element around each point of this rank, from the last sample.
     pub fn hosts(&self) -> impl ExactSizeIterator<Item = u32> + '_ {
         self.rendezvous.placements.iter().map(|p| p.rank)

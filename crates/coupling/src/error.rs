@@ -39,6 +39,9 @@ pub enum CouplingError {
         /// Where \[m\].
         position: [f64; 3],
     },
+    /// The disturbance that a fibre makes is known for kernels of a given width only.
+    #[error("a kernel that is as wide as the mesh makes a disturbance that depends on the mesh")]
+    NoWidth,
     /// Another rank failed; all ranks stop together.
     #[error("the coupling failed on another rank")]
     OtherRank,

@@ -1,10 +1,12 @@
 //! Two-way coupling of fluid and fibres: locate, interpolate, spread, exchange.
 
 mod adjacency;
+mod anderson;
 mod balance;
 mod boxes;
 mod closest;
 mod coupling;
+mod disturbance;
 mod element;
 mod error;
 mod gaussian;
@@ -14,8 +16,10 @@ mod locate;
 mod rendezvous;
 mod spread;
 
+pub use anderson::Anderson;
 pub use balance::FibreLoad;
 pub use coupling::Coupling;
+pub use disturbance::{PlaneWall, Undisturbed, Wake};
 pub use error::CouplingError;
 pub use kernel::Kernel;
 pub use spread::SpreadReport;

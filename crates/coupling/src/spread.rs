@@ -2,7 +2,7 @@
 
 use crate::CouplingError;
 use crate::coupling::{Coupling, check_length};
-use fibreflow_fibre::Reaction;
+use fibreflow_fibre::{Ambient, Reaction};
 use fibreflow_parallel::Communicator;
 use nalgebra::Vector3;
 
@@ -61,6 +61,31 @@ impl Coupling {
         }
         sums.outside = self.outside() as f64;
         Ok(sums.report(&communicator))
+    }
+}
+
+impl Coupling {
+    /// Σ_i w_i Σ_q w_qi / V_i at the points of the last sample \[1/m³\], over the nodes that are free to move: by it, a
+    /// density and a time the velocity at a point changes when every point pushes with the same force. Collective.
+    ///
+    /// # Errors
+    /// As [`Coupling::sample`].
+    pub fn response(&mut self, points: &[Vector3<f64>]) -> Result<Vec<f64>, CouplingError> {
+        let unit = Reaction {
+            force: vec![Vector3::x(); points.len()],
+            torque: vec![Vector3::zeros(); points.len()],
+        };
+        let mut density = vec![[0.0; 4]; self.mesh.total()];
+        self.spread(&unit, &mut density)?;
+        for (density, &held) in density.iter_mut().zip(&self.no_slip) {
+            if held {
+                *density = [0.0; 4];
+            }
+        }
+        self.mesh.halo.update(&mut density);
+        let mut ambient = Ambient::default();
+        self.sample(&density, points, &mut ambient)?;
+        Ok(ambient.velocity.iter().map(|u| u.x).collect())
     }
 }
 

@@ -153,8 +153,9 @@ impl Batch<'_> {
                 section.place = 2.0 * arm / constants.length;
                 let torque = law.torque.torque(&t, gradient, &section, &law.fluid);
                 let local = law.drag.resistance(&t, &slip, &section, &law.fluid);
+                let (local, left) = ambient.yielded(p, local, weight);
                 if linear.is_some() {
-                    linear_slip.add(weight * arm, arm, &slip, &local);
+                    linear_slip.add(weight * arm, arm, &slip, &local, left);
                 }
                 let point = PointDrag {
                     tangent: t,

@@ -30,6 +30,8 @@ pub(crate) struct LinearSlip {
     spread: f64,
     /// Σ w σ² ζ.
     local: Resistance,
+    /// Σ w σ² of what is left of ζ where the flow gives way.
+    left: f64,
 }
 
 /// C and what it was made of.
@@ -49,16 +51,18 @@ impl LinearSlip {
             moment: Vector3::zeros(),
             spread: 0.0,
             local: Resistance::default(),
+            left: 0.0,
         }
     }
 
-    /// Adds a point of local resistance ζ: `lever` is w σ, `arm` σ.
-    pub fn add(&mut self, lever: f64, arm: f64, slip: &Vector3, local: &Resistance) {
+    /// Adds a point of local resistance ζ, of which `left` is left: `lever` is w σ, `arm` σ.
+    pub fn add(&mut self, lever: f64, arm: f64, slip: &Vector3, local: &Resistance, left: f64) {
         let weight = lever * arm;
         self.moment += slip * lever;
         self.spread += weight;
         self.local.normal += weight * local.normal;
         self.local.axial += weight * local.axial;
+        self.left += weight * left;
     }
 
     /// C for a fibre of this length whose ends are `span` apart.
@@ -66,8 +70,9 @@ impl LinearSlip {
         let rise = (span.norm() / length - BENT) / (STRAIGHT - BENT);
         let y = rise.clamp(0.0, 1.0);
         let share = y * y * (3.0 - 2.0 * y) / self.spread;
+        let left = self.left / self.spread;
         let excess = |linear: f64, local: f64| {
-            let local = local / self.spread;
+            let (linear, local) = (left * linear, local / self.spread);
             share * (larger(local, linear).0 - local)
         };
         let resistance = Resistance {

@@ -1,5 +1,6 @@
 //! Hydrodynamic points, the Gauss points of the segments, and what passes between fibres and flow there.
 
+use crate::hydrodynamics::{DragResponse, Resistance};
 use crate::{Matrix3, Vector3};
 
 /// The flow at the hydrodynamic points, in the order of the points.
@@ -11,15 +12,61 @@ pub struct Ambient {
     pub gradient: Vec<Matrix3>,
     /// Change of the velocity in the step, uniform in time \[m/s\]; empty where it is held.
     pub change: Vec<Vector3>,
+    /// How far the velocity gives way in the step to a force on the fluid at the point \[m/(s·N)\]; empty where the flow is
+    /// what it is. Laws of resistance z then act as z/(1 + z·yielding).
+    pub yielding: Vec<f64>,
 }
 
 impl Ambient {
     /// Velocity at a point after the fraction `moment` of the step.
     #[inline(always)]
-    pub(crate) fn velocity_at(&self, point: usize, moment: f64) -> Vector3 {
+    pub fn velocity_at(&self, point: usize, moment: f64) -> Vector3 {
         let last = self.velocity[point];
         let change = self.change.get(point);
         change.map_or(last, |change| last + change * (moment - 1.0))
+    }
+
+    /// `drag` per length, less what the flow gives way to it over `length` of fibre; and the factor that is left across.
+    pub(crate) fn yielded(&self, point: usize, drag: Resistance, length: f64) -> (Resistance, f64) {
+        let Some(yielding) = self.yielding.get(point) else {
+            return (drag, 1.0);
+        };
+        let left = |z: f64| 1.0 / (1.0 + z * length * yielding);
+        let (normal, axial) = (left(drag.normal), left(drag.axial));
+        let yielded = Resistance {
+            normal: normal * drag.normal,
+            axial: axial * drag.axial,
+        };
+        (yielded, normal)
+    }
+
+    /// The same for drag with derivatives at a `slip`: z/(1 + zc) changes by 1/(1 + zc)² of the change of z.
+    pub(crate) fn yielded_response(
+        &self,
+        point: usize,
+        drag: DragResponse,
+        length: f64,
+        tangent: &Vector3,
+        slip: &Vector3,
+    ) -> (DragResponse, f64) {
+        if self.yielding.is_empty() {
+            return (drag, 1.0);
+        }
+        let law = drag.resistance;
+        let (resistance, left) = self.yielded(point, law, length);
+        let squares = Resistance {
+            normal: left * left,
+            axial: (resistance.axial / law.axial.max(f64::MIN_POSITIVE)).powi(2),
+        }
+        .tensor(tangent);
+        let by_slip = squares * (drag.by_slip - law.tensor(tangent));
+        let by_tangent = squares * (drag.by_tangent - law.turning(tangent, slip));
+        let yielded = DragResponse {
+            resistance,
+            by_slip: resistance.tensor(tangent) + by_slip,
+            by_tangent: resistance.turning(tangent, slip) + by_tangent,
+        };
+        (yielded, left)
     }
 }
 
@@ -40,6 +87,8 @@ pub struct Reaction {
 pub struct Points {
     /// Position \[m\], unwrapped.
     pub position: Vec<Vector3>,
+    /// Velocity of the fibre there \[m/s\].
+    pub velocity: Vec<Vector3>,
     /// Fibre length that the point stands for \[m\].
     pub weight: Vec<f64>,
 }

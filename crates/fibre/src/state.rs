@@ -153,6 +153,8 @@ impl FibreSystem {
         let skipped = nodes.start - model.offsets[fibre];
         let segments = model.segment_range(fibre).start + skipped;
         let segments = segments..segments + nodes.len() - 1;
+        let points = model.points[segments.start]..model.points[segments.end];
+        let width = self.carried.width;
         let mut words = Words(Vec::new());
         words.0.push(nodes.len() as u64);
         words.0.push(constants.stem + skipped as u64);
@@ -201,6 +203,8 @@ impl FibreSystem {
             words.numbers(segment.start_frame.coords.as_slice());
             words.numbers(segment.end_frame.coords.as_slice());
         }
+        words.0.push((points.len() * width) as u64);
+        words.numbers(&self.carried.values[points.start * width..points.end * width]);
         FibreRecord { id, words: words.0 }
     }
 
@@ -260,6 +264,13 @@ impl FibreSystem {
                 Ok(material.segment(rest_length, radius, start, end))
             })
             .collect::<Result<_, FibreError>>()?;
+        let carried = reader.word()? as usize;
+        if carried > reader.words.len() {
+            return Err(reader.error("its points carry an impossible count of numbers"));
+        }
+        let carried: Vec<f64> = (0..carried)
+            .map(|_| reader.numbers().map(|[x]| x))
+            .collect::<Result<_, _>>()?;
         while !reader.words.is_empty() {
             springs.push(FrictionRecord {
                 a: reader.word()?,
@@ -270,6 +281,16 @@ impl FibreSystem {
         self.push_constants((record.id, stem), material, kinematics, segments, &held);
         let first = self.model.loads.len() - nodes;
         self.model.loads[first..].copy_from_slice(&loads);
+        // What was carried under other settings starts anew.
+        let (first, room) = (
+            self.carried.values.len(),
+            self.point_count() * self.carried.width,
+        );
+        if carried.len() == room - first {
+            self.carried.values.extend(carried);
+        } else {
+            self.carried.values.resize(room, 0.0);
+        }
         if let Some(last) = self.accounts.fibres.last_mut() {
             *last = account;
         }

@@ -1,6 +1,7 @@
 //! All fibres of a rank in flat arrays.
 
 use crate::beam::{Pose, Segment, mass_shares};
+use crate::carried::Carried;
 use crate::contact::{ContactSettings, ContactSystem};
 use crate::drag::{Hydrodynamics, NodeDrag, PointDrag};
 use crate::implicit::{Body, Integrator};
@@ -158,6 +159,7 @@ pub struct FibreSystem {
     pub(crate) touching: Option<Touching>,
     pub(crate) scratch: Scratch,
     pub(crate) reaction: Reaction,
+    pub(crate) carried: Carried,
     pub(crate) accounts: Accounts,
     /// (sub-steps of the fibre with the most, segment sub-steps) of the last step.
     pub(crate) work: (usize, usize),
@@ -193,6 +195,7 @@ impl FibreSystem {
             motion: Motion::default(),
             scratch: Scratch::default(),
             reaction: Reaction::default(),
+            carried: Carried::default(),
             accounts: Accounts::default(),
             work: (0, 0),
             points: Points::default(),
@@ -210,6 +213,7 @@ impl FibreSystem {
         self.model = Model::empty();
         self.motion = Motion::default();
         self.accounts.fibres.clear();
+        self.carried.values.clear();
     }
 
     fn push(&mut self, fibre: &Fibre) -> Result<(), FibreError> {
@@ -322,6 +326,7 @@ impl FibreSystem {
         self.scratch.load.resize(nodes, Load::ZERO);
         self.reaction.force.resize(points, Vector3::zeros());
         self.reaction.torque.resize(points, Vector3::zeros());
+        self.carried.values.resize(points * self.carried.width, 0.0);
         self.model.packed = Packed::default();
         if self.settings.hydrodynamics.is_some() {
             self.scratch.drag.resize(nodes, NodeDrag::zero());
@@ -350,6 +355,7 @@ impl FibreSystem {
     /// The hydrodynamic points at the present positions; `out` is overwritten.
     pub fn points(&self, out: &mut Points) {
         out.position.clear();
+        out.velocity.clear();
         out.weight.clear();
         for f in 0..self.fibres() {
             let node = self.model.offsets[f];
@@ -358,14 +364,27 @@ impl FibreSystem {
                     self.motion.position[node + i],
                     self.motion.position[node + i + 1],
                 );
+                let (v, w) = (
+                    self.motion.velocity[node + i],
+                    self.motion.velocity[node + i + 1],
+                );
                 let count = self.model.points[s + 1] - self.model.points[s];
                 for k in 0..count {
-                    out.position.push(a + (b - a) * abscissa(k, count));
+                    let xi = abscissa(k, count);
+                    out.position.push(a + (b - a) * xi);
+                    out.velocity.push(v + (w - v) * xi);
                     out.weight
                         .push(self.model.segments[s].rest_length / count as f64);
                 }
             }
         }
+    }
+
+    /// First hydrodynamic point of each fibre and, last, the number of points.
+    pub fn point_offsets(&self) -> Vec<usize> {
+        let first = |f: usize| self.model.points[self.model.segment_range(f).start];
+        let starts = (0..self.fibres()).map(first);
+        starts.chain([self.point_count()]).collect()
     }
 
     /// The ranks that share the fibres.

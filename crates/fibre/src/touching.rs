@@ -15,7 +15,7 @@ pub(crate) struct Touching {
     /// Part of the state, since it decides the next number of sub-steps.
     pub critical_step: Option<f64>,
     /// Length of the last sub-step \[s\].
-    last_step: Option<f64>,
+    pub last_step: Option<f64>,
     joint: Joint,
     axes: Axes,
 }

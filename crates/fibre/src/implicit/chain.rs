@@ -249,7 +249,13 @@ impl Batch<'_> {
                 return;
             }
             let lever = point.weight * point.arm;
-            linear_slip.add(lever, point.arm, &point.slip, &point.drag.resistance);
+            linear_slip.add(
+                lever,
+                point.arm,
+                &point.slip,
+                &point.drag.resistance,
+                point.left,
+            );
             let response = point.rate(tau) * lever;
             for (end, share) in shares.into_iter().enumerate() {
                 work.low_rank.share[i + end] += lever * share;

@@ -51,9 +51,12 @@ impl Batch<'_> {
                     [self.angular_velocity[i], self.angular_velocity[i + 1]]
                 };
                 let torque = law.torque.torque(&t, &gradient, &section, &law.fluid);
+                let weight = section.segment_length / count as f64;
+                let drag = law.drag.response(&t, &slip, &section, &law.fluid);
+                let (drag, left) = flow.ambient.yielded_response(p, drag, weight, &t, &slip);
                 let point = Point {
                     xi,
-                    weight: section.segment_length / count as f64,
+                    weight,
                     arm,
                     tangent: t,
                     length,
@@ -62,7 +65,8 @@ impl Batch<'_> {
                     gradient,
                     steepness: flow.formula.map_or_else(Matrix3::zeros, |_| gradient),
                     angular_velocity,
-                    drag: law.drag.response(&t, &slip, &section, &law.fluid),
+                    drag,
+                    left,
                     spin_drag: Resistance {
                         normal: torque.resistance_normal,
                         axial: torque.resistance_axial,
@@ -94,6 +98,8 @@ pub(super) struct Point {
     /// Of the two nodes.
     pub angular_velocity: [Vector3; 2],
     pub drag: DragResponse,
+    /// What is left of the law's drag across where the flow gives way.
+    pub left: f64,
     pub spin_drag: Resistance,
     pub strain_torque: Vector3,
     torque: TorqueLaw,

@@ -281,7 +281,13 @@ impl Batch<'_> {
                 return;
             }
             let weight = point.weight * point.arm;
-            linear_slip.add(weight, point.arm, &point.slip, &point.drag.resistance);
+            linear_slip.add(
+                weight,
+                point.arm,
+                &point.slip,
+                &point.drag.resistance,
+                point.left,
+            );
             let rate = point.rate(tau) * weight;
             lever_arm += arm * weight;
             by_place -= rate;

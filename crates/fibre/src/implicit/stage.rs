@@ -259,7 +259,13 @@ impl Batch<'_> {
                 return;
             }
             let lever = point.weight * point.arm;
-            linear_slip.add(lever, point.arm, &point.slip, &point.drag.resistance);
+            linear_slip.add(
+                lever,
+                point.arm,
+                &point.slip,
+                &point.drag.resistance,
+                point.left,
+            );
             let low = &mut work.low_rank;
             let response = if action.symmetric {
                 Matrix3::from_diagonal_element(lever / tau)
@@ -338,7 +344,13 @@ impl Batch<'_> {
                 (point.spin_drag.force(&point.tangent, &relative) + point.strain_torque) * weight;
             if linear.is_some() {
                 let lever = point.weight * point.arm;
-                linear_slip.add(lever, point.arm, &point.slip, &point.drag.resistance);
+                linear_slip.add(
+                    lever,
+                    point.arm,
+                    &point.slip,
+                    &point.drag.resistance,
+                    point.left,
+                );
             }
         });
         if let Some(linear) = linear {
