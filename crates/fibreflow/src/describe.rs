@@ -1,7 +1,7 @@
 //! What is on and what is off in a run, with the number that decided it.
 
 use crate::case::{Case, CouplingMode, FibreGroup, IntegratorKind, Quantity};
-use crate::scene::{PlacementReport, Scene, kinematics as motion, length_of};
+use crate::scene::{Exchange, PlacementReport, Scene, kinematics as motion, length_of};
 use fibreflow_fibre::hydrodynamics::BUCKLING_FLEXIBILITY;
 use fibreflow_fibre::{FibreSettings, Integrator, Kinematics, Material};
 
@@ -49,6 +49,9 @@ pub fn describe(scene: &Scene, case: &Case) -> Vec<String> {
         "fibres: {}, {contact}, coupling {coupling}",
         scene.fibre_count
     ));
+    if let Some(exchange) = scene.flow.exchange() {
+        lines.extend(coupled(exchange, scene));
+    }
     if let Some(fibres) = &scene.fibres {
         let critical = fibres.communicator().min(fibres.critical_step());
         let way = match case.mechanics.integrator {
@@ -108,6 +111,36 @@ fn kinematics(case: &Case, group: &FibreGroup, modulus: f64) -> String {
             format!("{name} as ζ⊥γ̇L⁴/EI = {number:.3} and {BUCKLING_FLEXIBILITY} buckles it")
         }
     }
+}
+
+/// How the coupling is done.
+fn coupled(exchange: &Exchange, scene: &Scene) -> Vec<String> {
+    let mut lines = vec![format!("  {}", exchange.scheme)];
+    let kernel = match exchange.kernel.width() {
+        None => "  kernel: the element around a point".to_owned(),
+        Some(width) => {
+            let spacing = scene.flow.fluid().map_or(f64::NAN, |fluid| {
+                let nodes = fluid.mesh().total_nodes as f64;
+                (fluid.geometry().total_volume / nodes).cbrt()
+            });
+            let ratio = width / spacing;
+            let warning = if ratio < 2.0 {
+                "; warning: below 2 the mesh shows"
+            } else {
+                ""
+            };
+            format!("  kernel: Gaussian of σ = {width:.3e} m, {ratio:.2} mean spacings{warning}")
+        }
+    };
+    lines.push(kernel);
+    lines.push(match (&exchange.undisturbed, exchange.walls) {
+        (None, _) => "  fibres feel the flow that they make themselves".to_owned(),
+        (Some(_), 0) => "  fibres feel the flow without what they make themselves".to_owned(),
+        (Some(_), walls) => format!(
+            "  fibres feel the flow without what they make themselves, images of {walls} plane walls included"
+        ),
+    });
+    lines
 }
 
 fn placement(report: &PlacementReport) -> String {

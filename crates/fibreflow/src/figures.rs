@@ -1,7 +1,8 @@
 //! Numbers of a step, and their sums over a run.
 
-use crate::scene::Scene;
+use crate::scene::{Rounds, Scene, Together};
 use fibreflow_coupling::SpreadReport;
+use fibreflow_fibre::Ambient;
 use fibreflow_fluid::{DiffusionChoice, Fluid, StepReport};
 use serde::Serialize;
 use std::time::Instant;
@@ -31,6 +32,8 @@ pub struct Figures {
     pub momentum_defect: f64,
     /// Hydrodynamic points outside the domain, held at its boundary.
     pub outside: usize,
+    /// How forces and flow were found together; None in the staggered scheme.
+    pub rounds: Option<Rounds>,
 }
 
 /// Wall time of the stages of the loop on this rank \[s\].
@@ -71,6 +74,12 @@ pub struct Totals {
     pub substeps: usize,
     /// Sum over all steps and segments of the sub-steps.
     pub segment_substeps: usize,
+    /// Rounds of all steps in which forces and flow were found together, and the most of any.
+    pub rounds: [usize; 2],
+    /// Largest gain that lagged forces would have had.
+    pub gain: f64,
+    /// Longest step for explicit drag in the last step \[s\] (K 3.72), and the largest Δt β Σ w²/(ρV) in it.
+    pub coupling: [f64; 2],
     /// Wall time by stage.
     pub timings: Timings,
 }
@@ -97,17 +106,30 @@ impl Figures {
         }
     }
 
-    /// Takes over what the fluid reports.
-    pub fn fluid(&mut self, report: &StepReport, convects: bool) {
-        self.diffusion = convects.then_some(report.diffusion);
-        self.poisson_iterations = report.poisson_iterations;
-        self.momentum_iterations = report.momentum_iterations.iter().sum();
+    /// Takes over what the fluid reports, if there is one.
+    pub fn fluid(&mut self, report: Option<StepReport>, convects: bool) {
+        if let Some(report) = report {
+            self.diffusion = convects.then_some(report.diffusion);
+            self.poisson_iterations = report.poisson_iterations;
+            self.momentum_iterations = report.momentum_iterations.iter().sum();
+        }
     }
 
-    /// Takes over what the coupling reports.
-    pub fn spread(&mut self, report: &SpreadReport) {
-        self.momentum_defect = report.defect_relative;
-        self.outside = report.outside;
+    /// Takes over what the coupling reports, if it acts on the fluid.
+    pub fn spread(&mut self, report: Option<SpreadReport>) {
+        if let Some(report) = report {
+            self.momentum_defect = report.defect_relative;
+            self.outside = report.outside;
+        }
+    }
+
+    /// Takes over a step of fluid and fibres together.
+    pub fn together(&mut self, step: Option<Together>) {
+        if let Some(step) = step {
+            self.spread(Some(step.spread));
+            self.fluid(Some(step.fluid), false);
+            self.rounds = Some(step.rounds);
+        }
     }
 }
 
@@ -120,5 +142,21 @@ impl Totals {
         self.momentum_defect = self.momentum_defect.max(figures.momentum_defect);
         self.substeps += figures.substeps;
         self.segment_substeps += figures.segment_substeps;
+        if let Some(rounds) = figures.rounds {
+            self.rounds = [
+                self.rounds[0] + rounds.rounds,
+                self.rounds[1].max(rounds.rounds),
+            ];
+            self.gain = self.gain.max(rounds.gain);
+        }
+    }
+
+    /// Numbers of the last step alone. Collective.
+    pub fn close(&mut self, scene: &Scene, ambient: &Ambient) {
+        if let Some(fibres) = &scene.fibres {
+            let [time, loading] = fibres.coupling_numbers(ambient);
+            let communicator = &scene.communicator;
+            self.coupling = [communicator.min(time), communicator.max(loading)];
+        }
     }
 }

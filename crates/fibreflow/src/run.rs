@@ -110,29 +110,44 @@ impl Run {
                 scene.settle()?;
             }
             let times = &mut totals.timings;
-            if let Some(fibres) = &mut scene.fibres {
-                // u, ∇u at every hydrodynamic point: the adjoint of spread.
-                fibres.points(&mut points);
-                timed(&mut times.sample, || {
-                    scene.flow.sample(&points, &mut ambient)
-                })?;
-                // Sub-steps with implicit drag; the reaction is the impulse that the fibres took.
-                let reaction = timed(&mut times.fibres, || fibres.advance(&ambient, dt))?;
-                // Volume-weighted, momentum-conserving.
-                if let Some(report) = timed(&mut times.spread, || scene.flow.spread(reaction))? {
-                    figures.spread(&report);
+            match &mut scene.fibres {
+                Some(fibres) if scene.flow.iterates() => {
+                    // Forces that fit fibres and flow, then both move.
+                    let flow = &mut scene.flow;
+                    let step =
+                        flow.advance_together(fibres, &mut points, &mut ambient, dt, times)?;
+                    figures.together(step);
                 }
-                scene.break_up()?;
+                Some(fibres) => {
+                    // u, ∇u at every hydrodynamic point: the adjoint of spread.
+                    timed(&mut times.sample, || {
+                        (scene.flow).sample(fibres, &mut points, &mut ambient, dt)
+                    })?;
+                    // Sub-steps with implicit drag; the reaction is the impulse that the fibres took.
+                    timed(&mut times.fibres, || {
+                        fibres.advance(&ambient, dt).map(|_| ())
+                    })?;
+                    // Volume-weighted, momentum-conserving.
+                    let spread = timed(&mut times.spread, || {
+                        scene.flow.spread(fibres, &points, &ambient, dt)
+                    })?;
+                    figures.spread(spread);
+                    // Convect, diffuse, project.
+                    let report = timed(&mut times.fluid, || scene.flow.advance(dt, true))?;
+                    figures.fluid(report, scene.flow.convects());
+                }
+                None => {
+                    let report = timed(&mut times.fluid, || scene.flow.advance(dt, false))?;
+                    figures.fluid(report, scene.flow.convects());
+                }
             }
-            // Convect, diffuse, project.
-            if let Some(report) = timed(&mut times.fluid, || scene.flow.advance(dt))? {
-                figures.fluid(&report, scene.flow.convects());
-            }
+            scene.break_up()?;
             figures.after(scene);
             totals.add(figures);
             let watched = &mut totals.timings.output;
             stop = timed(watched, || observers.observe(scene, clock, figures, log))?;
         }
+        totals.close(scene, &ambient);
         observers.finish(scene, clock, figures, log)?;
         Ok(stop)
     }

@@ -88,6 +88,17 @@ pub struct FibreSummary {
 pub struct CouplingSummary {
     /// Largest relative defect of force and torque of any step; null one-way.
     pub momentum_defect_relative: Option<f64>,
+    /// Longest step that explicit drag would bear at the end \[s\], Kunhappan 3.72; drag is implicit and not bound by it.
+    pub explicit_drag_step: Option<f64>,
+    /// Largest Δt β Σ w²/(ρV) of the last step: resistance by the inertia of the nodes that share it; null where forces
+    /// are solved with the flow.
+    pub loading: Option<f64>,
+    /// Solves of the flow with other forces, mean over the steps; null in the staggered scheme.
+    pub rounds_mean: Option<f64>,
+    /// The most of any step.
+    pub rounds_max: Option<usize>,
+    /// Largest factor by which lagged forces would have grown in a step.
+    pub gain_max: Option<f64>,
 }
 
 /// The summary, the same on every rank. Collective.
@@ -139,6 +150,7 @@ pub fn of(
         }
     });
     let spread = steps > 0.0 && scene.two_way();
+    let iterated = spread && scene.flow.iterates();
     Summary {
         title: case.about.title.clone(),
         stopped_by: match stop {
@@ -155,6 +167,12 @@ pub fn of(
         fibres: fibres.unwrap_or_default(),
         coupling: CouplingSummary {
             momentum_defect_relative: spread.then_some(totals.momentum_defect),
+            explicit_drag_step: Some(totals.coupling[0])
+                .filter(|step| *step > 0.0 && step.is_finite()),
+            loading: (spread && !iterated).then_some(totals.coupling[1]),
+            rounds_mean: mean(totals.rounds[0]).filter(|_| iterated),
+            rounds_max: iterated.then_some(totals.rounds[1]),
+            gain_max: iterated.then_some(totals.gain),
         },
         timings,
         errors: errors(scene, case, clock, folder),
@@ -206,6 +224,24 @@ pub fn closing(summary: &Summary, stop: Stop) -> String {
         lines.push(format!(
             "fibres: {:.1} ns a segment and sub-step, {substeps:.1} sub-steps a step",
             cost * 1e9
+        ));
+    }
+    let coupling = &summary.coupling;
+    if let (Some(mean), Some(most), Some(gain)) =
+        (coupling.rounds_mean, coupling.rounds_max, coupling.gain_max)
+    {
+        lines.push(format!(
+            "coupling: {mean:.1} rounds a step, {most} at most; lagged forces would grow by {gain:.2} in a step"
+        ));
+    }
+    if let Some(loading) = coupling.loading {
+        lines.push(format!(
+            "coupling: Δt β/(ρV) up to {loading:.2e} in the last step"
+        ));
+    }
+    if let Some(step) = coupling.explicit_drag_step {
+        lines.push(format!(
+            "coupling: explicit drag would need steps below {step:.2e} s (K 3.72)"
         ));
     }
     for (name, value) in &summary.errors {

@@ -292,25 +292,6 @@ pub enum TorqueLaw {
     None,
 }
 
-/// How fibres and fluid act on each other.
-#[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct Coupling {
-    /// One-way or two-way.
-    pub mode: CouplingMode,
-}
-
-/// Direction of the coupling.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum CouplingMode {
-    /// The fluid moves the fibres.
-    OneWay,
-    /// The fibres act back on the fluid.
-    #[default]
-    TwoWay,
-}
-
 /// Gravity.
 #[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]

@@ -9,6 +9,7 @@
 
 mod boundary;
 mod contact;
+mod coupling;
 mod document;
 mod error;
 mod fibres;
@@ -25,11 +26,12 @@ mod validate;
 
 pub use boundary::{Boundary, Factor, Profile};
 pub use contact::{Contact, ContactWall, Lubrication, LubricationModel, Repulsion, VanDerWaals};
+pub use coupling::{Correction, Coupling, CouplingMode, KernelKind, Scheme};
 pub use document::{Document, Place};
 pub use error::CaseError;
 pub use fibres::{
-    AmbientFlow, Clamp, Coupling, CouplingMode, DragLaw, FibreGroup, Form, Gravity, Hydrodynamics,
-    Kinematics, Placement, PointLoad, Shape, SlenderBody, Spheroid, TorqueLaw,
+    AmbientFlow, Clamp, DragLaw, FibreGroup, Form, Gravity, Hydrodynamics, Kinematics, Placement,
+    PointLoad, Shape, SlenderBody, Spheroid, TorqueLaw,
 };
 pub use fluid::{
     ChannelProfile, Diffusion, Fluid, Forcing, Inertia, Initial, Kernels, Mass, Poisson,
@@ -264,6 +266,32 @@ placement = { kind = "random", count = 3, seed = 1 }
         let rigid = ["fibres.0.kinematics=rigid", "fibres.0.clamp=first"];
         let message = complaint(GOOD, &rigid);
         assert!(message.contains("fibres[0].clamp"), "{message}");
+    }
+
+    #[test]
+    fn couplings_that_do_not_fit_are_refused() {
+        for (overrides, key) in [
+            (&["coupling.kernel=gaussian"][..], "coupling.width"),
+            (&["coupling.width=0.3"], "coupling.width"),
+            (&["coupling.correction=undisturbed"], "coupling.correction"),
+            (
+                &[
+                    "coupling.kernel=gaussian",
+                    "coupling.width=0.2",
+                    "coupling.mode=one-way",
+                    "coupling.correction=undisturbed",
+                ],
+                "coupling.correction",
+            ),
+            (
+                &["coupling.mode=one-way", "coupling.scheme=iterated"],
+                "coupling.scheme",
+            ),
+            (&["coupling.kernel=gauss"], "coupling.kernel"),
+        ] {
+            let message = complaint(GOOD, overrides);
+            assert!(message.contains(key), "{overrides:?}: {message}");
+        }
     }
 
     #[test]

@@ -1,8 +1,9 @@
 //! Rules that no schema can say: which keys go together, what must fit into what.
 
 use super::{
-    Case, CaseError, Clamp, ContactWall, Document, DragLaw, Exact, Forcing, Initial, Kinematics,
-    MeshSource, Placement, Region, Schedule, SlenderBody, Spheroid, TorqueLaw, schema,
+    Case, CaseError, Clamp, ContactWall, Correction, CouplingMode, Document, DragLaw, Exact,
+    Forcing, Initial, KernelKind, Kinematics, MeshSource, Placement, Region, Schedule, Scheme,
+    SlenderBody, Spheroid, TorqueLaw, schema,
 };
 
 type Checked = Result<(), Box<CaseError>>;
@@ -26,6 +27,7 @@ pub(super) fn validate(case: &Case, document: &Document) -> Checked {
     check_loads(case, document)?;
     check_observables(case, document)?;
     check_contact(case, document)?;
+    check_coupling(case, document)?;
     check_exact(case, document)
 }
 
@@ -45,6 +47,41 @@ fn check_laws(case: &Case, document: &Document) -> Checked {
     let path = format!("hydrodynamics.{key}");
     let message = format!("`{path}` needs {need}");
     Err(document.value_error(&path, message))
+}
+
+fn check_coupling(case: &Case, document: &Document) -> Checked {
+    let coupling = &case.coupling;
+    let gaussian = coupling.kernel == KernelKind::Gaussian;
+    let two_way = coupling.mode == CouplingMode::TwoWay && case.fluid.is_some();
+    let refuse = |key: &str, problem: &str, help: &str| {
+        let path = format!("coupling.{key}");
+        let error = document.error(&path, format!("`{path}` {problem}"));
+        Err(error.with_help(help.to_owned()))
+    };
+    match coupling.width {
+        None if gaussian => {
+            let help = "σ [m], two spacings of the mesh or more";
+            return refuse("width", "is missing: a Gaussian kernel needs it", help);
+        }
+        Some(_) if !gaussian => {
+            let help = "set `coupling.kernel = \"gaussian\"`, or remove the width";
+            return refuse("width", "has no meaning with this kernel", help);
+        }
+        _ => {}
+    }
+    if gaussian && case.fluid.is_none() {
+        let help = "a prescribed flow is taken at the points themselves";
+        return refuse("kernel", "needs a fluid on a mesh", help);
+    }
+    if coupling.correction == Correction::Undisturbed && !(gaussian && two_way) {
+        let help = "what a fibre does to the flow is known for `kernel = \"gaussian\"` in two-way coupling";
+        return refuse("correction", "does not go with this coupling", help);
+    }
+    if coupling.scheme == Scheme::Iterated && !two_way {
+        let help = "forces are solved together with the flow in two-way coupling only";
+        return refuse("scheme", "does not go with this coupling", help);
+    }
+    Ok(())
 }
 
 fn check_contact(case: &Case, document: &Document) -> Checked {

@@ -32,8 +32,8 @@ impl Progress {
     pub fn start(&mut self, log: &mut Log) {
         self.start = log.elapsed();
         log.line(&format!(
-            "{:>8} {:>11} {:>10} {:>6} {:>10} {:>8} {:>8} {:>9}",
-            "step", "time [s]", "Δt [s]", "CFL", "divergence", "Poisson", "fibres", "ETA"
+            "{:>8} {:>11} {:>10} {:>6} {:>10} {:>8} {:>7} {:>8} {:>9}",
+            "step", "time [s]", "Δt [s]", "CFL", "divergence", "Poisson", "rounds", "fibres", "ETA"
         ));
     }
 
@@ -82,13 +82,14 @@ impl Progress {
             }
         };
         log.line(&format!(
-            "{:>8} {:>11.5e} {:>10.3e} {:>6} {:>10} {:>8} {:>8} {:>9}",
+            "{:>8} {:>11.5e} {:>10.3e} {:>6} {:>10} {:>8} {:>7} {:>8} {:>9}",
             clock.step,
             clock.time,
             clock.dt,
             fluid(format!("{:.3}", figures.cfl)),
             fluid(format!("{:.2e}", figures.divergence)),
             fluid(figures.poisson_iterations.to_string()),
+            (figures.rounds).map_or_else(|| "-".to_owned(), |r| r.rounds.to_string()),
             figures.fibres,
             eta,
         ));

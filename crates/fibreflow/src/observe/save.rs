@@ -9,6 +9,8 @@ use fibreflow_fluid::FluidState;
 
 const TIME: &str = "run.time";
 const DT: &str = "run.dt";
+/// ∂u/∂t of the last step, for fibres in the flow of the next.
+const SLOPE: &str = "coupling.slope";
 /// Upper and lower half of the checksum of the mesh; numbers of 32 bits are exact in a float.
 const MESH: [&str; 2] = ["run.mesh_high", "run.mesh_low"];
 
@@ -33,8 +35,19 @@ pub fn snapshot(scene: &Scene, clock: &Clock) -> Snapshot {
             width,
             values,
         };
+        let slope = scene.flow.exchange().map_or(&[][..], |e| &e.slope);
         let pair = |(name, values)| PairField { name, values };
         snapshot.node_fields = state.node.into_iter().map(node).collect();
+        if !slope.is_empty() {
+            snapshot.node_fields.push(NodeField {
+                name: SLOPE.into(),
+                width: 3,
+                values: slope[..owned]
+                    .iter()
+                    .flat_map(|s| [s[0], s[1], s[2]])
+                    .collect(),
+            });
+        }
         snapshot.pair_fields = state.pair.into_iter().map(pair).collect();
         snapshot.scalars.extend(state.scalars);
     }
@@ -75,6 +88,14 @@ pub fn restore(
     }
     (clock.step, clock.time, clock.dt) = (snapshot.step, time, dt);
     if let Flow::Solved(solved) = &mut scene.flow {
+        let named = snapshot.node_fields.iter().find(|f| f.name == SLOPE);
+        if let Some(field) = named {
+            let rows = field.values.chunks_exact(3);
+            let mut slope: Vec<_> = rows.map(|s| [s[0], s[1], s[2], 0.0]).collect();
+            slope.resize(solved.fluid.mesh().total(), [0.0; 4]);
+            solved.fluid.mesh().halo.update(&mut slope);
+            solved.exchange.slope = slope;
+        }
         let state = FluidState {
             node: snapshot
                 .node_fields

@@ -1,16 +1,19 @@
 //! The flow around the fibres: solved for on a mesh, or prescribed.
 
 use super::boundary::Boundaries;
+use super::exchange::Exchange;
 use super::forces::body_force;
 use super::inertia::{InertiaChoice, bounds};
 use super::initial::velocity_field;
 use super::mesh::SceneMesh;
 use super::settings::settings;
-use crate::case::{self, Case, CouplingMode, Document};
+use super::together::Together;
+use crate::case::{self, Case, Document};
 use crate::error::{ProgramError, agree};
-use fibreflow_coupling::{Coupling, SpreadReport};
+use crate::figures::Timings;
+use fibreflow_coupling::SpreadReport;
 use fibreflow_fibre::hydrodynamics::AmbientFlow;
-use fibreflow_fibre::{Ambient, FibreSystem, Points, Reaction};
+use fibreflow_fibre::{Ambient, FibreSystem, Points};
 use fibreflow_fluid::{BoundaryCondition, Fluid, FluidError, Inertia, StepReport};
 use nalgebra::Vector3;
 use std::path::Path;
@@ -27,14 +30,10 @@ pub enum Flow {
 pub struct Solved {
     /// The solver.
     pub fluid: Fluid,
-    /// Sampling and spreading.
-    pub coupling: Coupling,
-    /// The fibres act back on the fluid.
-    pub two_way: bool,
+    /// What passes between it and the fibres.
+    pub exchange: Exchange,
     /// Which inertia it has, and why.
     pub inertia: InertiaChoice,
-    /// Body force that the case gives \[N/m³\], by owned node; empty without.
-    forces: Vec<[f64; 4]>,
 }
 
 impl Flow {
@@ -81,19 +80,37 @@ impl Flow {
         }
     }
 
-    /// u and ∇u at every hydrodynamic point: the adjoint of [`Flow::spread`]. Collective.
+    /// What passes between the fluid, if one is solved for, and the fibres.
+    pub fn exchange(&self) -> Option<&Exchange> {
+        match self {
+            Self::Solved(solved) => Some(&solved.exchange),
+            Self::Prescribed(_) => None,
+        }
+    }
+
+    /// Forces are solved for together with the flow.
+    pub fn iterates(&self) -> bool {
+        self.exchange().is_some_and(|e| e.scheme.iterated)
+    }
+
+    /// u and ∇u at every hydrodynamic point in a step of `dt` \[s\]: the adjoint of [`Flow::spread`]. Collective.
     ///
     /// # Errors
     /// Points at positions that are not finite.
-    pub fn sample(&mut self, points: &Points, ambient: &mut Ambient) -> Result<(), ProgramError> {
+    pub fn sample(
+        &mut self,
+        fibres: &mut FibreSystem,
+        points: &mut Points,
+        ambient: &mut Ambient,
+        dt: f64,
+    ) -> Result<(), ProgramError> {
         match self {
             Self::Solved(solved) => {
-                let velocity = solved.fluid.velocity();
-                solved
-                    .coupling
-                    .sample(velocity, &points.position, ambient)?;
+                let fluid = &solved.fluid;
+                solved.exchange.sample(fluid, fibres, points, ambient, dt)?;
             }
             Self::Prescribed(flow) => {
+                fibres.points(points);
                 ambient.velocity.clear();
                 ambient.gradient.clear();
                 for x in &points.position {
@@ -110,27 +127,63 @@ impl Flow {
     ///
     /// # Errors
     /// A reaction that does not fit the points sampled last.
-    pub fn spread(&mut self, reaction: &Reaction) -> Result<Option<SpreadReport>, ProgramError> {
+    pub fn spread(
+        &mut self,
+        fibres: &mut FibreSystem,
+        points: &Points,
+        ambient: &Ambient,
+        dt: f64,
+    ) -> Result<Option<SpreadReport>, ProgramError> {
         match self {
-            Self::Solved(solved) if solved.two_way => {
-                let force = solved.fluid.body_force_mut();
-                force.fill([0.0; 4]);
-                force[..solved.forces.len()].copy_from_slice(&solved.forces);
-                Ok(Some(solved.coupling.spread(reaction, force)?))
+            Self::Solved(solved) => {
+                let fluid = &mut solved.fluid;
+                solved.exchange.spread(fluid, fibres, points, ambient, dt)
             }
-            _ => Ok(None),
+            Self::Prescribed(_) => Ok(None),
         }
     }
 
-    /// One fluid step: convect, diffuse, project. Collective.
+    /// One fluid step: convect, diffuse, project; `follow` remembers the change for fibres. Collective.
     ///
     /// # Errors
     /// A solve that does not converge, or a value that is not finite.
-    pub fn advance(&mut self, dt: f64) -> Result<Option<StepReport>, ProgramError> {
-        match self {
-            Self::Solved(solved) => Ok(Some(solved.fluid.advance(dt)?)),
-            Self::Prescribed(_) => Ok(None),
+    pub fn advance(&mut self, dt: f64, follow: bool) -> Result<Option<StepReport>, ProgramError> {
+        let Self::Solved(solved) = self else {
+            return Ok(None);
+        };
+        let Solved {
+            fluid, exchange, ..
+        } = &mut **solved;
+        if !follow {
+            return Ok(Some(fluid.advance(dt)?));
         }
+        exchange.before_step(fluid);
+        let report = fluid.advance(dt)?;
+        exchange.after_step(fluid, dt);
+        Ok(Some(report))
+    }
+
+    /// One step of fluid and fibres with forces that fit both, where [`Flow::iterates`]. Collective.
+    ///
+    /// # Errors
+    /// Forces that are not found, or what a part reports.
+    pub fn advance_together(
+        &mut self,
+        fibres: &mut FibreSystem,
+        points: &mut Points,
+        ambient: &mut Ambient,
+        dt: f64,
+        times: &mut Timings,
+    ) -> Result<Option<Together>, ProgramError> {
+        let Self::Solved(solved) = self else {
+            return Ok(None);
+        };
+        let Solved {
+            fluid, exchange, ..
+        } = &mut **solved;
+        exchange
+            .advance_together(fluid, fibres, points, ambient, dt, times)
+            .map(Some)
     }
 
     /// Longest step that the case allows now \[s\]. Collective.
@@ -155,11 +208,10 @@ impl Flow {
         fibres.points(&mut points);
         let mut ambient = Ambient::default();
         let velocity = solved.fluid.velocity();
-        solved
-            .coupling
-            .sample(velocity, &points.position, &mut ambient)?;
+        let coupling = &mut solved.exchange.coupling;
+        coupling.sample(velocity, &points.position, &mut ambient)?;
         let loads = super::fibres::loads(fibres, &points);
-        let destination = solved.coupling.points_owner(&loads);
+        let destination = coupling.points_owner(&loads);
         fibres.migrate(&destination)?;
         Ok(())
     }
@@ -220,12 +272,11 @@ fn solved(
     let forces = body_force(&fluid.forces, document, mesh)?;
     solver.body_force_mut()[..forces.len()].copy_from_slice(&forces);
     let given = given_velocity(mesh, &solver.settings().boundary);
+    let exchange = Exchange::new(case, fluid, inertia.inertia, mesh, given, forces)?;
     Ok(Solved {
-        coupling: Coupling::new(mesh.local.clone(), mesh.geometry.clone(), given)?,
-        two_way: case.coupling.mode == CouplingMode::TwoWay,
+        exchange,
         fluid: solver,
         inertia,
-        forces,
     })
 }
 

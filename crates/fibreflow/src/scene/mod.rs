@@ -4,6 +4,7 @@ mod boundary;
 mod contacts;
 mod csv;
 mod exact;
+mod exchange;
 mod expression;
 mod fibres;
 mod flow;
@@ -15,12 +16,15 @@ mod polyline;
 mod population;
 mod scatter;
 mod settings;
+mod together;
 
 pub use exact::errors;
+pub use exchange::Exchange;
 pub use fibres::{kinematics, length as length_of};
 pub use flow::{Flow, Solved};
 pub use mesh::{SceneMesh, build as build_mesh};
 pub use population::PlacementReport;
+pub use together::{Rounds, Together};
 
 use crate::case::{Case, Document, validate_domain};
 use crate::error::{ProgramError, agree};
@@ -91,6 +95,9 @@ impl Scene {
             periods,
             mesh_checksum,
         };
+        if let (Some(fibres), Some(exchange)) = (&mut scene.fibres, scene.flow.exchange()) {
+            fibres.carry(exchange.carried());
+        }
         let settled = scene.settle();
         agree(communicator, settled)?;
         Ok(scene)
@@ -113,7 +120,7 @@ impl Scene {
             if breaks > 0
                 && let Flow::Solved(solved) = &mut self.flow
             {
-                solved.coupling.forget();
+                solved.exchange.coupling.forget();
             }
         }
         Ok(())
@@ -121,7 +128,7 @@ impl Scene {
 
     /// The fibres act back on the fluid.
     pub fn two_way(&self) -> bool {
-        self.fibres.is_some() && matches!(&self.flow, Flow::Solved(s) if s.two_way)
+        self.fibres.is_some() && self.flow.exchange().is_some_and(|e| e.two_way)
     }
 
     /// Gives every fibre to the rank that holds the fluid around its middle. Collective.
