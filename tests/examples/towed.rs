@@ -1,6 +1,6 @@
 //! Drag on a towed segment against the law, over random positions, directions, meshes and Reynolds numbers.
 //!
-//!     cargo run --release -p fibreflow-tests --example towed [COUNT] > towed.csv
+//!     cargo run --release -p fibreflow-tests --example towed [COUNT [bulk|wall]] > towed.csv
 //!
 //! One line a tow: kernel, correction, walls, elements, cells, Re, largest error, excess of drag at the end, images.
 
@@ -13,6 +13,7 @@ use rand::{Rng, SeedableRng};
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
     let count: usize = arguments.next().map_or(Ok(200), |n| n.parse())?;
+    let only = arguments.next();
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(5);
     println!("kernel,corrected,walls,element,cells,reynolds,error,excess,images");
     let mut unit = || loop {
@@ -31,7 +32,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     ];
     let numbers = [1e-3, 0.1, 1.0, 10.0];
     let mut groups = Vec::new();
-    for walls in [false, true] {
+    for (name, walls) in [("bulk", false), ("wall", true)] {
+        if only.as_ref().is_some_and(|only| only != name) {
+            continue;
+        }
         for (element, cells) in meshes {
             // The finer meshes take most of the time, and fewer tows.
             for reynolds in numbers {
@@ -56,10 +60,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             tow.directions = [unit().0, unit().0];
             tow.middle = Vector3::repeat(0.5 * BOX) + 0.5 * BOX * unit().1;
             if walls {
-                // One length from the wall, along it.
+                // One length from the wall.
                 tow.middle.y = LENGTH;
-                tow.directions[1].y = 0.0;
-                tow.directions[1] = tow.directions[1].normalize();
             }
             // Every tow with the correction, one in three without and by elements too.
             let both = [

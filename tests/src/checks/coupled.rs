@@ -14,7 +14,6 @@ pub fn ranks_agree(communicator: &Communicator) -> Outcome {
     for (element, kernel) in [
         (BoxElement::Hexahedron, Kernel::Element),
         (BoxElement::Mixed, Kernel::Element),
-        (BoxElement::Hexahedron, GAUSSIAN),
         (BoxElement::Mixed, GAUSSIAN),
     ] {
         let mesh = BoxMesh {

@@ -15,8 +15,9 @@
 //! past come from a chain of lags, F_m' = (F_(m−1) − F_m)/(T_m − T_(m−1)), three numbers a point and band, carried with the fibre.
 //!
 //! All points of a fibre take part: laws for slender bodies hold the fibre's own long-range flow in their logarithm. What
-//! other fibres and periodic images do stays. The torques' own flow is left in: it is O(d² l/σ³) of the spin.
+//! other fibres and periodic images do stays; images in plane walls (`image`) are taken away with the rest. The torques' own flow is left in: it is O(d² l/σ³) of the spin.
 
+mod image;
 mod stokeslet;
 
 use crate::{CouplingError, Kernel};
@@ -264,7 +265,7 @@ impl Undisturbed {
         let (mut u, gradient) = stokeslet::flow(&r, force, s);
         for wall in &self.walls {
             let height = (wall.normal.dot(from) - wall.offset).max(0.0);
-            u += stokeslet::image(&r, force, s, &wall.normal, height);
+            u += image::velocity(&r, force, s, &wall.normal, height);
         }
         (u, gradient)
     }

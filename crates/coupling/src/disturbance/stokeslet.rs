@@ -1,4 +1,4 @@
-//! Flow of a force that is spread as a Gaussian, in creeping flow without boundaries and beside a plane wall.
+//! Flow of a force that is spread as a Gaussian, in creeping flow without boundaries.
 //!
 //! With the unit force F, standard deviation s, ρ = r/s, E = erf(ρ/√2), e = √(2/π) exp(−½ρ²), and unit viscosity
 //!
@@ -12,14 +12,12 @@
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
-/// α, β, α'/ρ and β'/ρ at a distance ρ, and ψ = E/ρ with ψ'/ρ and (ψ'/ρ)'/ρ.
+/// α, β, α'/ρ and β'/ρ at a distance ρ.
 struct Profile {
     alpha: f64,
     beta: f64,
     alpha_slope: f64,
     beta_slope: f64,
-    psi_slope: f64,
-    psi_bend: f64,
 }
 
 /// √(2/π)
@@ -41,14 +39,11 @@ impl Profile {
         let (i, i2) = (1.0 / rho, 1.0 / (rho * rho));
         let big = erf(rho * FRAC_1_SQRT_2) * i;
         let e = PEAK * (-0.5 * rho * rho).exp();
-        let psi_slope = (e - big) * i2;
         Self {
             alpha: big + (big - e) * i2,
             beta: i2 * (big + 3.0 * i2 * (e - big)),
             alpha_slope: i2 * (2.0 * e - big + 3.0 * i2 * (e - big)),
             beta_slope: i2 * i2 * (-2.0 * e - 3.0 * big + 15.0 * i2 * (big - e)),
-            psi_slope,
-            psi_bend: -(e + 3.0 * psi_slope) * i2,
         }
     }
 
@@ -60,32 +55,27 @@ impl Profile {
             c[n] = -0.5 * c[n - 1] / n as f64;
         }
         let over = |n: usize| c[n] / (2 * n + 1) as f64;
-        let mut sum = [0.0; 6];
+        let mut sum = [0.0; 4];
         for n in (0..TERMS).rev() {
             let alpha = |n: usize| over(n) + over(n + 1) - c[n + 1];
             let beta = |n: usize| over(n + 1) + 3.0 * (c[n + 2] - over(n + 2));
-            let psi = |n: usize| 2.0 * (n + 1) as f64 * over(n + 1);
             let double = 2.0 * (n + 1) as f64;
             let terms = [
                 alpha(n),
                 beta(n),
                 double * alpha(n + 1),
                 double * beta(n + 1),
-                psi(n),
-                double * psi(n + 1),
             ];
             for (sum, term) in sum.iter_mut().zip(terms) {
                 *sum = *sum * square + term;
             }
         }
-        let [alpha, beta, alpha_slope, beta_slope, psi_slope, psi_bend] = sum;
+        let [alpha, beta, alpha_slope, beta_slope] = sum;
         Self {
             alpha,
             beta,
             alpha_slope,
             beta_slope,
-            psi_slope,
-            psi_bend,
         }
     }
 }
@@ -100,34 +90,6 @@ pub(super) fn flow(r: &Vector3<f64>, force: &Vector3<f64>, s: f64) -> (Vector3<f
         + p.beta_slope * along * x * x.transpose()
         + p.beta * (Matrix3::from_diagonal_element(along) + x * force.transpose());
     (u, gradient / (8.0 * PI * s * s))
-}
-
-/// What a plane wall adds to the velocity of a force: Blake's (1971) images with the fields of a Gaussian in place of those of
-/// a point. `height` is that of the force over the wall, `normal` points into the fluid, `r` from the force.
-///
-/// u = −S(R)F + 2h D_k ∂_k[−h ∇Ψ − S(R)n], with R = r + 2hn from the image, Ψ the field of a unit charge, and D the force with its
-/// normal part turned round. It holds the wall to (s/h)², as the degenerate quadrupole of the Gaussian has no image here.
-pub(super) fn image(
-    r: &Vector3<f64>,
-    force: &Vector3<f64>,
-    s: f64,
-    normal: &Vector3<f64>,
-    height: f64,
-) -> Vector3<f64> {
-    let x = (r + 2.0 * height * normal) / s;
-    let p = Profile::at(x.norm_squared());
-    let turned = force - 2.0 * force.dot(normal) * normal;
-    let along = x.dot(force);
-    let point = (p.alpha * force + p.beta * along * x) / s;
-    // Derivatives along the turned force of ∇Ψ and of S(R)n.
-    let toward = x.dot(&turned);
-    let curl = (p.psi_slope * turned + p.psi_bend * toward * x) / (s * s * s);
-    let up = x.dot(normal);
-    let shear = (p.alpha_slope * toward * normal
-        + p.beta_slope * toward * up * x
-        + p.beta * (turned * up + x * turned.dot(normal)))
-        / (s * s);
-    (-point + 2.0 * height * (-height * curl - shear)) / (8.0 * PI)
 }
 
 /// Error function to round-off for positive arguments.
@@ -203,28 +165,9 @@ mod tests {
             (a.beta, b.beta),
             (a.alpha_slope, b.alpha_slope),
             (a.beta_slope, b.beta_slope),
-            (a.psi_slope, b.psi_slope),
-            (a.psi_bend, b.psi_bend),
         ];
         for (k, (x, y)) in pairs.into_iter().enumerate() {
             assert!((x - y).abs() < 1e-11, "{k}: {x} {y}");
-        }
-    }
-
-    /// Force and image together do not move the wall, but for a few (s/h)²: the Gaussian's degenerate quadrupole has no image.
-    #[test]
-    fn the_image_holds_the_wall() {
-        let (normal, height) = (Vector3::y(), 1.0);
-        for force in [Vector3::new(1.0, 0.0, 0.0), Vector3::new(0.3, 1.0, -0.5)] {
-            for (x, z) in [(0.0, 0.0), (0.4, -0.7), (3.0, 1.0)] {
-                let r = Vector3::new(x, -height, z);
-                for s in [0.12, 0.012] {
-                    let alone = velocity(&r, &force, s);
-                    let both = alone + image(&r, &force, s, &normal, height);
-                    let left = both.norm() / alone.norm();
-                    assert!(left < 8.0 * s * s, "{x} {z}, {s}: {left}");
-                }
-            }
         }
     }
 }
