@@ -560,3 +560,10 @@ fn laws_that_do_not_go_together() {
         refused(&bench, &[], &wanted);
     }
 }
+
+#[test]
+fn a_rigid_fibre_with_the_inertia_of_the_fluid() {
+    let rigid = "segments = 4\nkinematics = \"rigid\"";
+    let case = CASE.replace("segments = 4", rigid) + "\n[hydrodynamics]\nfluid_inertia = true\n";
+    refused(&bench(&case), &[], &["is rigid", "inertia of the fluid"]);
+}

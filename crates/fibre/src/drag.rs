@@ -18,10 +18,14 @@
 //! fluid to round-off. Where the law has another resistance to a linear slip ([`crate::linear_slip`]), b bᵀ ⊗ C is added
 //! to D, with b_a = Σ N_a w σ: Sherman and Morrison's formula for three columns. Torque is lumped: node a feels N_a w [R(Ω − ω_a) + T_s], which has the same sum over a segment.
 
+mod inertia;
+
+pub(crate) use inertia::{Added, displaced};
+
 use crate::beam::tangent;
 use crate::blocktri::{self, BlockRow};
 use crate::hydrodynamics::{DragModel, FluidProperties, Resistance, Section, TorqueModel, spin};
-use crate::integrate::Batch;
+use crate::integrate::{Batch, Flow};
 use crate::linear_slip::{LinearSlip, for_arms};
 use crate::points::abscissa;
 use crate::system::{Load, Model, NodeConstants};
@@ -112,14 +116,8 @@ fn scaled(r: Resistance, weight: f64) -> Resistance {
 
 impl Batch<'_> {
     /// Evaluates the laws at one fibre's points with the present slip and factors M + δt D for sub-steps of `step`.
-    /// `ambient` is that of all points of the rank.
-    pub fn prepare_drag(
-        &mut self,
-        model: &Model,
-        law: &Hydrodynamics,
-        ambient: &Ambient,
-        step: f64,
-    ) {
+    pub fn prepare_drag(&mut self, model: &Model, flow: &Flow, step: f64) {
+        let Flow { law, ambient, .. } = *flow;
         let fibre = self.fibres.start;
         let constants = &model.fibres[fibre];
         let mut section = Section::middle(2.0 * constants.material.radius, constants.length);
@@ -186,6 +184,9 @@ impl Batch<'_> {
                 self.drag[i + 1].row.lower += mutual;
             }
             along += section.segment_length;
+        }
+        if flow.inertia {
+            self.prepare_inertia(model, flow);
         }
         for (drag, node) in self.drag.iter_mut().zip(nodes) {
             if node.holds_translation {
@@ -260,7 +261,7 @@ impl Batch<'_> {
     /// clears `load`; `moment` is the middle of the sub-step as a fraction of the step.
     pub fn kick_with_drag(&mut self, model: &Model, step: f64, share: f64, moment: f64) {
         let nodes = &model.nodes[model.node_range(self.fibres.start)];
-        let mut above = Vector3::zeros();
+        let (mut above, mut carried) = (Vector3::zeros(), Vector3::zeros());
         for (i, node) in nodes.iter().enumerate() {
             let load = std::mem::replace(&mut self.load[i], Load::ZERO);
             let drag = &mut self.drag[i];
@@ -270,13 +271,21 @@ impl Batch<'_> {
                 *w = drag.turned(node, &t, w, &load.torque, step);
             }
             drag.mean_spin += *w * share;
+            let after = self.velocity.get(i + 1).copied();
             let v = &mut self.velocity[i];
-            let impulse = if node.holds_translation {
+            let mut impulse = if node.holds_translation {
                 *v
             } else {
                 let drive = drag.drive + drag.drive_change * (moment - 1.0);
                 *v * node.mass + (load.force + drive) * step
             };
+            if let Some(added) = self.added.get(i) {
+                if !node.holds_translation {
+                    let next = added.next * after.unwrap_or_default();
+                    impulse += added.own * *v + carried + next;
+                }
+                carried = added.next * *v;
+            }
             above = drag.row.diagonal * (impulse - drag.row.lower * above);
             *v = above;
         }
@@ -305,7 +314,8 @@ impl Batch<'_> {
     }
 
     /// Mean force and torque of one fibre on the fluid at its points.
-    pub fn react(&mut self, model: &Model, ambient: &Ambient) {
+    pub fn react(&mut self, model: &Model, flow: &Flow) {
+        let ambient = flow.ambient;
         let segments = model.segment_range(self.fibres.start);
         let first = model.points[segments.start];
         let mut moment = Vector3::zeros();
@@ -330,6 +340,9 @@ impl Batch<'_> {
                 self.reaction_torque[p - first] =
                     -(point.spin_drag.force(t, &turn) + point.strain_torque);
             }
+        }
+        if flow.inertia {
+            self.react_inertia(model, flow);
         }
     }
 }

@@ -86,6 +86,12 @@ pub enum FibreError {
         /// Largest possible \[rad/m\].
         limit: f64,
     },
+    /// A rigid fibre with the inertia of the fluid.
+    #[error("fibre {fibre} is rigid; only flexible fibres can have the inertia of the fluid")]
+    RigidInertia {
+        /// Global id.
+        fibre: u64,
+    },
     /// The equilibrium shape has another number of nodes than the fibre.
     #[error("fibre {fibre} has {nodes} nodes but its equilibrium shape has {equilibrium}")]
     EquilibriumSize {

@@ -8,7 +8,7 @@
 //! One force evaluation a sub-step and no force carried over, so the state is (x, q, v, ω) and a restart is exact.
 
 use crate::beam::{Motion as EndMotion, Pose, tangent};
-use crate::drag::{Hydrodynamics, NodeDrag, PointDrag};
+use crate::drag::{Added, Hydrodynamics, NodeDrag, PointDrag};
 use crate::hydrodynamics::AmbientFlow;
 use crate::lanes::Packed;
 use crate::system::{Load, Model, Motion, NodeConstants, Scratch};
@@ -29,6 +29,8 @@ pub(crate) struct Batch<'a> {
     /// This and all below are empty without hydrodynamics.
     pub drag: &'a mut [NodeDrag],
     pub point_drag: &'a mut [PointDrag],
+    /// Empty without the inertia of the fluid.
+    pub added: &'a mut [Added],
     pub reaction_force: &'a mut [Vector3],
     pub reaction_torque: &'a mut [Vector3],
 }
@@ -58,6 +60,7 @@ impl<'a> Batch<'a> {
             load: &mut scratch.load,
             drag: &mut scratch.drag,
             point_drag: &mut scratch.point_drag,
+            added: &mut scratch.added,
             reaction_force: &mut reaction.force,
             reaction_torque: &mut reaction.torque,
         }
@@ -75,6 +78,7 @@ impl<'a> Batch<'a> {
         let load = split(self.load, n);
         let drag = split(self.drag, n);
         let point_drag = split(self.point_drag, p);
+        let added = split(self.added, n);
         let reaction_force = split(self.reaction_force, p);
         let reaction_torque = split(self.reaction_torque, p);
         let left = Self {
@@ -86,6 +90,7 @@ impl<'a> Batch<'a> {
             load: load.0,
             drag: drag.0,
             point_drag: point_drag.0,
+            added: added.0,
             reaction_force: reaction_force.0,
             reaction_torque: reaction_torque.0,
         };
@@ -98,6 +103,7 @@ impl<'a> Batch<'a> {
             load: load.1,
             drag: drag.1,
             point_drag: point_drag.1,
+            added: added.1,
             reaction_force: reaction_force.1,
             reaction_torque: reaction_torque.1,
         };
@@ -297,12 +303,17 @@ pub(crate) struct Flow<'a> {
     pub ambient: &'a Ambient,
     /// What `ambient` was taken from.
     pub formula: Option<FlowFormula<'a>>,
+    /// Whether the inertia of the displaced fluid acts.
+    pub inertia: bool,
+    /// Length of the step \[s\].
+    pub dt: f64,
 }
 
 impl<'a> Flow<'a> {
     pub fn new(
         given: Option<Given<'a>>,
         settings: &'a FibreSettings,
+        dt: f64,
     ) -> Result<Option<Self>, FibreError> {
         match (given, &settings.hydrodynamics) {
             (None, _) => Ok(None),
@@ -310,6 +321,8 @@ impl<'a> Flow<'a> {
                 law,
                 ambient,
                 formula,
+                inertia: settings.fluid_inertia,
+                dt,
             })),
             (Some(_), None) => Err(FibreError::NoHydrodynamics),
         }
@@ -332,7 +345,7 @@ impl Batch<'_> {
 
     pub fn begin(&mut self, model: &Model, flow: Option<Flow>, step: f64) {
         if let Some(flow) = flow {
-            self.prepare_drag(model, flow.law, flow.ambient, step);
+            self.prepare_drag(model, &flow, step);
         }
         self.drift(model, 0.5 * step);
     }
@@ -351,7 +364,7 @@ impl Batch<'_> {
 
     pub fn end(&mut self, model: &Model, flow: Option<Flow>) {
         if let Some(flow) = flow {
-            self.react(model, flow.ambient);
+            self.react(model, &flow);
         }
     }
 }
@@ -453,7 +466,7 @@ impl FibreSystem {
 
     /// One step of every fibre for itself, through all its sub-steps while it is in cache.
     fn run_apart(&mut self, given: Option<Given>, dt: f64) -> Result<(), FibreError> {
-        let flow = Flow::new(given, &self.settings)?;
+        let flow = Flow::new(given, &self.settings, dt)?;
         let (model, settings) = (&self.model, &self.settings);
         let (most, total) = (AtomicUsize::new(0), AtomicUsize::new(0));
         let given_up = AtomicUsize::new(usize::MAX);

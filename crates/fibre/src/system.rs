@@ -3,7 +3,7 @@
 use crate::beam::{Pose, Segment, mass_shares};
 use crate::carried::Carried;
 use crate::contact::{ContactSettings, ContactSystem};
-use crate::drag::{Hydrodynamics, NodeDrag, PointDrag};
+use crate::drag::{Added, Hydrodynamics, NodeDrag, PointDrag};
 use crate::implicit::{Body, Integrator};
 use crate::lanes::Packed;
 use crate::observe::{Account, Accounts};
@@ -22,6 +22,8 @@ pub struct FibreSettings {
     pub buoyant_density: f64,
     /// How the flow acts on the fibres; none for fibres in vacuum.
     pub hydrodynamics: Option<Hydrodynamics>,
+    /// Adds the inertia of the displaced fluid where a flow acts: its pressure gradient and the added mass across the fibre.
+    pub fluid_inertia: bool,
     /// Contacts; none for fibres that pass through each other.
     pub contacts: Option<ContactSettings>,
     /// How fibres advance in time.
@@ -38,6 +40,7 @@ impl Default for FibreSettings {
             gravity: Vector3::zeros(),
             buoyant_density: 0.0,
             hydrodynamics: None,
+            fluid_inertia: false,
             contacts: None,
             integrator: Integrator::default(),
             step_safety: 0.7,
@@ -148,6 +151,7 @@ pub(crate) struct Scratch {
     pub load: Vec<Load>,
     pub drag: Vec<NodeDrag>,
     pub point_drag: Vec<PointDrag>,
+    pub added: Vec<Added>,
 }
 
 /// Fibres of this rank: nodes of all fibres one after another, in the order of the global ids.
@@ -218,6 +222,9 @@ impl FibreSystem {
 
     fn push(&mut self, fibre: &Fibre) -> Result<(), FibreError> {
         let prepared = prepare(fibre)?;
+        if fibre.kinematics == Kinematics::Rigid && self.settings.fluid_inertia {
+            return Err(FibreError::RigidInertia { fibre: fibre.id });
+        }
         let nodes = fibre.nodes.len();
         self.motion.position.extend_from_slice(&fibre.nodes);
         self.motion.orientation.extend(prepared.orientation);
@@ -331,6 +338,12 @@ impl FibreSystem {
         if self.settings.hydrodynamics.is_some() {
             self.scratch.drag.resize(nodes, NodeDrag::zero());
             self.scratch.point_drag.resize(points, PointDrag::zero());
+            let added = if self.settings.fluid_inertia {
+                nodes
+            } else {
+                0
+            };
+            self.scratch.added.resize(added, Added::zero());
         }
         if let Some(touching) = &mut self.touching {
             touching.rebuild(&self.model);

@@ -147,7 +147,7 @@ impl FibreSystem {
         if touching.joint.is_empty() {
             touching.joint.resize(&self.model);
         }
-        let flow = Flow::new(given, &self.settings)?;
+        let flow = Flow::new(given, &self.settings, dt)?;
         let mut parties = Parties {
             model: &self.model,
             motion: &mut self.motion,
@@ -188,7 +188,7 @@ impl FibreSystem {
         let critical = (beam_step.powi(-2) + contact_step.powi(-2)).powf(-0.5);
         let (n, step) = sub_steps(dt, self.settings.step_safety * critical);
         self.work = (n, n * self.segments());
-        let flow = Flow::new(given, &self.settings)?;
+        let flow = Flow::new(given, &self.settings, dt)?;
         let model = &self.model;
         let (motion, scratch, reaction) = (&mut self.motion, &mut self.scratch, &mut self.reaction);
         let given_up = AtomicUsize::new(usize::MAX);

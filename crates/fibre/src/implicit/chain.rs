@@ -20,15 +20,15 @@ use crate::{FibreSystem, Matrix3, Quaternion, Vector3};
 const STRIDE: f64 = 0.4;
 
 impl Workspace {
-    fn push(&mut self, node: usize, force: &Vector3) {
-        let (row, first) = place(node, true);
+    pub(super) fn push(&mut self, node: usize, force: &Vector3) {
+        let (row, first) = place(node, self.paired);
         let mut view = self.rhs[row].fixed_rows_mut::<3>(first);
         view += force;
     }
 
     /// Adds minus the derivative of the force on node `i` by the position of node `j`.
-    fn tie(&mut self, i: usize, j: usize, part: &Matrix3) {
-        let ((row, a), (column, b)) = (place(i, true), place(j, true));
+    pub(super) fn tie(&mut self, i: usize, j: usize, part: &Matrix3) {
+        let ((row, a), (column, b)) = (place(i, self.paired), place(j, self.paired));
         let row = if column > row {
             &mut self.rows[row].upper
         } else if column < row {
@@ -149,6 +149,7 @@ impl Batch<'_> {
         }
         self.add_chain(action, work, tau);
         self.add_chain_drag(action, work, tau, moment);
+        self.add_inertia(action, work, tau, moment);
         for (i, node) in model.nodes[range].iter().enumerate() {
             if node.holds_translation {
                 let (row, first) = place(i, true);

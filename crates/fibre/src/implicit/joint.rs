@@ -226,7 +226,10 @@ impl Joint {
             polished += usize::from(size < enough || polished > 0);
             if size < CLOSE[0] || size < enough && polished > POLISHING {
                 // The contacts of the last iteration are those of this answer up to its last change.
-                self.for_each(parties, &|fibre, _| fibre.exchange(&action, share, moment));
+                self.for_each(parties, &|fibre, part| {
+                    fibre.exchange(&action, share, moment);
+                    fibre.exchange_inertia(&action, &part.work.base, h, share, moment);
+                });
                 parties.contacts.commit(h);
                 if parties.contacts.counts_crossings() {
                     let segments = axes.moving(parties.motion);

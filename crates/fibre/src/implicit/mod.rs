@@ -15,6 +15,7 @@
 
 mod blocks;
 mod chain;
+mod inertia;
 mod joint;
 mod low_rank;
 mod point;

@@ -51,7 +51,9 @@ impl Batch<'_> {
             };
         }
         self.solve_stage(action, work, tau, moment(GAMMA))?;
-        self.exchange(action, share * (1.0 - GAMMA), moment(GAMMA));
+        let part = share * (1.0 - GAMMA);
+        self.exchange(action, part, moment(GAMMA));
+        self.exchange_inertia(action, &work.base, tau, part, moment(GAMMA));
         let (onward, rest) = ((1.0 - GAMMA) / GAMMA, (1.0 - GAMMA) * h);
         for (i, node) in nodes.iter().enumerate() {
             let (v, w) = (self.velocity[i], self.angular_velocity[i]);
@@ -64,7 +66,9 @@ impl Batch<'_> {
             base.spin += (spin - base.spin) * onward;
         }
         self.solve_stage(action, work, tau, moment(1.0))?;
-        self.exchange(action, share * GAMMA, moment(1.0));
+        let part = share * GAMMA;
+        self.exchange(action, part, moment(1.0));
+        self.exchange_inertia(action, &work.base, tau, part, moment(1.0));
         if work.paired {
             self.follow(action.model, work);
             return Some(self.chain_error(action, work, h));
@@ -169,6 +173,7 @@ impl Batch<'_> {
         }
         self.add_segments(action, work, tau);
         self.add_drag(action, work, tau, moment);
+        self.add_inertia(action, work, tau, moment);
         if action.symmetric {
             symmetrise(&mut work.rows);
         }

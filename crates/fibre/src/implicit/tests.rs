@@ -49,7 +49,7 @@ fn flow(speed: f64, x: &Vector3) -> (Vector3, Matrix3) {
 }
 
 /// Largest difference between a column of the matrix and that of the residual's differences, by the column's length.
-fn worst_column(drag: DragModel, torque: TorqueModel, speed: f64) -> f64 {
+fn worst_column(drag: DragModel, torque: TorqueModel, speed: f64, inertia: bool) -> f64 {
     let mut system = system(drag, torque);
     let law = system.settings.hydrodynamics.expect("a law");
     let formula = move |x: &Vector3, _: f64| flow(speed, x);
@@ -60,6 +60,8 @@ fn worst_column(drag: DragModel, torque: TorqueModel, speed: f64) -> f64 {
             law: &law,
             ambient: &ambient,
             formula: Some(&formula),
+            inertia,
+            dt: 1.0,
         }),
         settings: &ImplicitSettings::DEFAULT,
         symmetric: false,
@@ -155,8 +157,15 @@ fn newtons_matrix_is_the_derivative_of_the_residual() {
             1.0,
         ),
     ] {
-        let worst = worst_column(drag, torque, speed);
+        let worst = worst_column(drag, torque, speed, false);
         println!("{drag:?}, {torque:?}, speed {speed}: {worst:.1e}");
         assert!(worst < 1e-6, "{drag:?}, {torque:?}, {speed}: {worst:e}");
     }
+}
+
+#[test]
+fn the_fluids_inertia_is_in_newtons_matrix() {
+    let worst = worst_column(DragModel::None, TorqueModel::None, 1.0, true);
+    println!("inertia: {worst:.1e}");
+    assert!(worst < 1e-6, "{worst:e}");
 }

@@ -232,6 +232,8 @@ pub struct Hydrodynamics {
     pub slender_body: SlenderBody,
     /// Aspect ratio of the spheroid that stands for a segment, with `prolate-spheroid`.
     pub spheroid: Spheroid,
+    /// Adds the inertia of the displaced fluid: its pressure gradient, and added mass across the fibre. Not for rigid fibres.
+    pub fluid_inertia: bool,
 }
 
 /// Force per length on a segment.

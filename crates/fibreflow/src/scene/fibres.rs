@@ -218,6 +218,7 @@ fn settings(case: &Case, spacing: f64, contacts: Option<ContactSettings>) -> Fib
             },
             point_spacing: spacing,
         }),
+        fluid_inertia: case.hydrodynamics.fluid_inertia,
         contacts,
         integrator: integrator(&case.mechanics),
         budget: (case.output.observables.as_ref()).is_some_and(|o| o.energy),
