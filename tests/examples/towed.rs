@@ -1,6 +1,6 @@
 //! Drag on a towed segment against the law, over random positions, directions, meshes and Reynolds numbers.
 //!
-//!     cargo run --release -p fibreflow-tests --example towed [COUNT [bulk|wall]] > towed.csv
+//!     cargo run --release -p fibreflow-tests --example towed [COUNT [bulk|wall [RE]]] > towed.csv
 //!
 //! One line a tow: kernel, correction, walls, elements, cells, Re, largest error, excess of drag at the end, images.
 
@@ -14,6 +14,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
     let count: usize = arguments.next().map_or(Ok(200), |n| n.parse())?;
     let only = arguments.next();
+    let one: Option<f64> = arguments.next().map(|n| n.parse()).transpose()?;
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(5);
     println!("kernel,corrected,walls,element,cells,reynolds,error,excess,images");
     let mut unit = || loop {
@@ -38,7 +39,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
         for (element, cells) in meshes {
             // The finer meshes take most of the time, and fewer tows.
-            for reynolds in numbers {
+            for reynolds in numbers
+                .into_iter()
+                .filter(|&n| one.is_none_or(|one| one == n))
+            {
+                if walls && cells > 24 {
+                    continue;
+                }
                 groups.push((walls, element, cells, reynolds));
             }
         }
@@ -60,8 +67,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             tow.directions = [unit().0, unit().0];
             tow.middle = Vector3::repeat(0.5 * BOX) + 0.5 * BOX * unit().1;
             if walls {
-                // One length from the wall.
+                // One length from the wall, and along it where the segment moves on.
                 tow.middle.y = LENGTH;
+                if reynolds > 0.02 {
+                    tow.directions[1].y = 0.0;
+                    tow.directions[1] = tow.directions[1].normalize();
+                }
             }
             // Every tow with the correction, one in three without and by elements too.
             let both = [

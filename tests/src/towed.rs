@@ -71,9 +71,11 @@ impl Basin {
     /// # Errors
     /// What the parts report.
     pub fn new(tow: &Tow) -> Result<Self, Box<dyn Error>> {
+        // Far-field of a force beside a wall falls with the cube of the distance: images twice as far do not matter.
+        let (along, times) = if tow.walls { (2.0 * BOX, 2) } else { (BOX, 1) };
         let mesh = BoxMesh {
-            size: [BOX; 3],
-            cells: [tow.cells; 3],
+            size: [along, BOX, along],
+            cells: [times * tow.cells, tow.cells, times * tow.cells],
             periodic: [true, !tow.walls, true],
             element: tow.element,
             ..BoxMesh::default()
