@@ -11,7 +11,7 @@ step = 0.02
 [mesh]
 kind = "box"
 size = [1, 1, 1]
-cells = [8, 8, 8]
+cells = [6, 6, 6]
 periodic = [true, false, true]
 
 [fluid]
@@ -35,7 +35,7 @@ clamp = "both"
 const LIGHT: &str = r#"
 [time]
 end = 100.0
-step = 0.05
+step = 1.0
 
 [mesh]
 kind = "box"
@@ -68,7 +68,7 @@ fn bench(case: &str) -> Bench {
 #[test]
 fn lagged_forces_blow_up_and_iterated_ones_do_not() {
     let bench = bench(HELD);
-    let ended = bench.run(1, "iterated", &["--steps=12"]).expect("one rank");
+    let ended = bench.run(1, "iterated", &["--steps=8"]).expect("one rank");
     assert!(ended.status.success(), "{}", ended.text);
     assert!(
         ended.text.contains("scheme iterated") && ended.text.contains("without convection"),
@@ -84,7 +84,7 @@ fn lagged_forces_blow_up_and_iterated_ones_do_not() {
     let energy = summary["fluid"]["kinetic_energy"].as_f64().expect("energy");
     assert!(energy < 0.2, "held fibres hold the flow back: {energy}");
 
-    let lagged = ["--steps=12", "--set=coupling.scheme=staggered"];
+    let lagged = ["--steps=8", "--set=coupling.scheme=staggered"];
     let ended = bench.run(1, "lagged", &lagged).expect("one rank");
     if ended.status.success() {
         let summary = bench.summary("lagged");
@@ -100,7 +100,8 @@ fn lagged_forces_blow_up_and_iterated_ones_do_not() {
 fn forces_do_not_depend_on_the_ranks() {
     let bench = bench(HELD);
     let coupling = [
-        "--steps=3",
+        "--steps=2",
+        "--set=fibres.0.placement.count=12",
         "--set=coupling.kernel=gaussian",
         "--set=coupling.width=0.2",
         "--set=coupling.correction=undisturbed",
@@ -126,13 +127,13 @@ fn forces_do_not_depend_on_the_ranks() {
 #[test]
 fn light_fibres_on_nodes_that_they_share_stay_where_the_flow_carries_them() {
     let bench = bench(LIGHT);
-    let ended = bench.run(1, "light", &["--steps=100"]).expect("one rank");
+    let ended = bench.run(1, "light", &["--steps=40"]).expect("one rank");
     assert!(ended.status.success(), "{}", ended.text);
     let summary = bench.summary("light");
     let loading = summary["coupling"]["loading"].as_f64().expect("loading");
     let energy = summary["fluid"]["kinetic_energy"].as_f64().expect("energy");
     println!("Δt β/(ρV) = {loading:.1}: kinetic energy {energy:.4e}");
-    assert!(loading > 10.0, "the case should be hard: {loading}");
-    // That of the parabola without fibres is ½·(1/30).
+    assert!(loading > 100.0, "the case should be hard: {loading}");
+    // That of the parabola without fibres is ½·(1/30); with the whole resistance of the fibres it is 0.26 and no end.
     assert!(energy > 1e-4 && energy < 1.0 / 60.0, "{energy}");
 }
