@@ -12,6 +12,9 @@ pub struct Ambient {
     pub gradient: Vec<Matrix3>,
     /// Change of the velocity in the step, uniform in time \[m/s\]; empty where it is held.
     pub change: Vec<Vector3>,
+    /// The part of `change` that comes from the way of the point through the flow, Δt v·∇u \[m/s\]; empty where `change` is
+    /// that at a fixed place.
+    pub travel: Vec<Vector3>,
     /// How far the velocity gives way in the step to a force on the fluid at the point \[m/(s·N)\]; empty where the flow is
     /// what it is. Laws of resistance z then act as z/(1 + z·yielding).
     pub yielding: Vec<f64>,

@@ -41,7 +41,8 @@ impl Ambient {
     pub(crate) fn acceleration(&self, point: usize, moment: f64, dt: f64) -> Vector3 {
         let steady = self.gradient[point] * self.velocity_at(point, moment);
         let change = self.change.get(point);
-        change.map_or(steady, |change| steady + change / dt)
+        let travel = self.travel.get(point).copied().unwrap_or_default();
+        change.map_or(steady, |change| steady + (change - travel) / dt)
     }
 }
 

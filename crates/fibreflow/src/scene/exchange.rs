@@ -192,11 +192,14 @@ impl Exchange {
             let [_, memory] = self.columns(fibres.carried());
             undisturbed.correct(&fibres.point_offsets(), points, &memory, ambient);
         }
+        ambient.travel.clear();
         for p in 0..points.position.len() {
             let slope = ambient.change[p];
-            let change = dt * (slope + ambient.gradient[p] * points.velocity[p]);
+            let travel = dt * (ambient.gradient[p] * points.velocity[p]);
+            let change = dt * slope + travel;
             ambient.velocity[p] += 0.5 * (dt * slope + change);
             ambient.change[p] = change;
+            ambient.travel.push(travel);
         }
         Ok(())
     }

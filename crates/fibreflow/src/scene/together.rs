@@ -162,11 +162,13 @@ impl Exchange {
 /// inertia, from what it was at the `start` of the step.
 fn in_motion(points: &Points, ambient: &mut Ambient, start: Option<&Ambient>, dt: f64) {
     ambient.change.clear();
+    ambient.travel.clear();
     for p in 0..points.position.len() {
         let travel = dt * (ambient.gradient[p] * points.velocity[p]);
         let growth = start.map_or(Vector3::zeros(), |s| ambient.velocity[p] - s.velocity[p]);
         ambient.velocity[p] += 0.5 * travel;
         ambient.change.push(travel + growth);
+        ambient.travel.push(travel);
     }
 }
 
