@@ -31,7 +31,7 @@ mod touching;
 pub use drag::Hydrodynamics;
 pub use error::FibreError;
 pub use implicit::{ImplicitSettings, Integrator};
-pub use observe::{Budget, Energy, FOURTH, Histogram, OrientationMoments};
+pub use observe::{Budget, Energy, FOURTH, Histogram, Inside, OrientationMoments, Shear};
 pub use periodic::PeriodicBox;
 pub use points::{Ambient, FlowFormula, Points, Reaction};
 pub use repeat::Saved;

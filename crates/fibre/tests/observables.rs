@@ -1,7 +1,9 @@
 //! Statistics of directions and shapes against exact values.
 
 use fibreflow_fibre::hydrodynamics::cox_aspect_ratio;
-use fibreflow_fibre::{FOURTH, Fibre, FibreSettings, FibreSystem, Material, Vector3};
+use fibreflow_fibre::{
+    FOURTH, Fibre, FibreSettings, FibreSystem, Inside, Material, Shear, Vector3,
+};
 use fibreflow_parallel::Communicator;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -36,7 +38,7 @@ fn component(fourth: &[f64; 15], mut indices: [usize; 4]) -> f64 {
 #[test]
 fn moments_of_known_directions_are_weighted_by_length() {
     let p = Vector3::new(1.0, 2.0, -2.0) / 3.0;
-    let moments = system(vec![straight(p, 3, 0.2)]).orientation_moments();
+    let moments = system(vec![straight(p, 3, 0.2)]).orientation_moments(&Inside::EVERYWHERE);
     assert!((moments.second - p * p.transpose()).amax() < 1e-14);
     for [i, j, k, l] in FOURTH {
         let exact = p[i] * p[j] * p[k] * p[l];
@@ -47,7 +49,7 @@ fn moments_of_known_directions_are_weighted_by_length() {
         straight(Vector3::x(), 5, 0.2),
         straight(-Vector3::y(), 1, 3.0),
     ];
-    let moments = system(mixed).orientation_moments();
+    let moments = system(mixed).orientation_moments(&Inside::EVERYWHERE);
     assert!((moments.second[(0, 0)] - 0.25).abs() < 1e-14);
     assert!((component(&moments.fourth, [1, 1, 1, 1]) - 0.75).abs() < 1e-14);
     assert!(component(&moments.fourth, [0, 0, 1, 1]).abs() < 1e-14);
@@ -65,7 +67,7 @@ fn isotropic_directions_have_the_isotropic_fourth_moment() {
             1.0,
         )
     });
-    let moments = system(shapes.collect()).orientation_moments();
+    let moments = system(shapes.collect()).orientation_moments(&Inside::EVERYWHERE);
     let trace: f64 = [0, 1, 2]
         .iter()
         .flat_map(|&i| [0, 1, 2].map(|j| [i, i, j, j]))
@@ -164,7 +166,57 @@ fn orbit_constants_are_binned_by_their_bounded_form() {
     };
     let mut shapes: Vec<_> = [0.1, 1.5, 4.0].map(on_orbit).to_vec();
     shapes.push(straight(Vector3::y(), 1, 1.0));
-    let (orbits, mean) = system(shapes).orbit_distribution(&flow, &gradient, 10);
+    let (orbits, mean) =
+        system(shapes).orbit_distribution(&Shear { flow, gradient }, &Inside::EVERYWHERE, 10);
     assert!((mean - 0.75 * 0.75).abs() < 1e-12);
     assert!((orbits.density[7] - 7.5).abs() < 1e-12 && (orbits.density[0] - 2.5).abs() < 1e-12);
+}
+
+#[test]
+fn phases_are_counted_once_and_fibres_near_walls_are_not() {
+    let shear = Shear::new(&Vector3::x(), &Vector3::new(3.0, 2.0, 0.0));
+    assert_eq!(shear.vorticity(), Vector3::z());
+    let mut shapes = Vec::new();
+    for k in 0..40 {
+        // Heads to either side count the same: 40 angles, 20 bins.
+        let angle = PI / 40.0 * (f64::from(k) + 0.5);
+        let p = Vector3::new(angle.sin(), angle.cos(), 0.4).normalize();
+        shapes.push(straight(if k % 3 == 0 { -p } else { p }, 2, 0.5));
+    }
+    let count = shapes.len();
+    // Beyond the wall at y = 9, all along the vorticity's axis.
+    for _ in 0..25 {
+        let nodes = straight(Vector3::z(), 2, 0.5);
+        shapes.push(nodes.iter().map(|x| x + Vector3::y() * 9.5).collect());
+    }
+    let system = system(shapes);
+    let inside = Inside {
+        high: Vector3::new(f64::INFINITY, 9.0, f64::INFINITY),
+        ..Inside::EVERYWHERE
+    };
+    let phases = system.phase_distribution(&shear, &inside, 20);
+    assert!(phases.density.iter().all(|d| (d * PI - 1.0).abs() < 1e-12));
+    assert_eq!(phases.beyond, 0.0);
+    // From the gradient towards the flow, whichever end is the head.
+    let p = Vector3::new((0.3 * PI).sin(), (0.3 * PI).cos(), 0.7).normalize();
+    let pair = self::system(vec![straight(p, 2, 0.5), straight(-p, 2, 0.5)]);
+    let phases = pair.phase_distribution(&shear, &Inside::EVERYWHERE, 100);
+    assert!((phases.density[30] * PI / 100.0 - 1.0).abs() < 1e-12);
+    let moments = system.orientation_moments(&inside);
+    let vertical = 0.16 / 1.16;
+    assert!((moments.second[(2, 2)] - vertical).abs() < 1e-12);
+    let all = system.orientation_moments(&Inside::EVERYWHERE).second[(2, 2)];
+    let (near, far) = (25.0, count as f64);
+    assert!((all - (far * vertical + near) / (far + near)).abs() < 1e-12);
+    let (orbits, mean) = system.orbit_distribution(&shear, &inside, 10);
+    assert_eq!(orbits.density[0], 0.0);
+    let orbit = |angle: f64| {
+        let ratio = cox_aspect_ratio(1.0 / 0.02);
+        let c = 2.5 * (angle.cos().powi(2) + (angle.sin() / ratio).powi(2)).sqrt();
+        c / (1.0 + c) / far
+    };
+    let expected: f64 = (0..40)
+        .map(|k| orbit(PI / 40.0 * (f64::from(k) + 0.5)))
+        .sum();
+    assert!((mean - expected).abs() < 1e-12, "{mean} {expected}");
 }

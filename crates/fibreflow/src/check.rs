@@ -4,6 +4,7 @@ use crate::case::{self, json_schema};
 use crate::cli::{CheckArguments, MeshArguments};
 use crate::describe::describe;
 use crate::error::{ProgramError, agree};
+use crate::groups::groups;
 use crate::output::grid::Grid;
 use crate::scene::{Scene, build_mesh};
 use fibreflow_parallel::Communicator;
@@ -26,7 +27,10 @@ pub fn check(arguments: &CheckArguments, communicator: &Communicator) -> Result<
     let (case, document) = agree(communicator, loaded)?;
     let scene = Scene::new(&case, &document, folder_of(path), communicator)?;
     say(communicator, &format!("{} is valid", path.display()));
-    for line in describe(&scene, &case) {
+    for line in describe(&scene, &case)
+        .into_iter()
+        .chain(groups(&scene, &case))
+    {
         say(communicator, &line);
     }
     Ok(())

@@ -23,6 +23,27 @@ impl Fluid {
         self.sum(|u| [u[0], u[1], u[2]]).map(|s| s / total)
     }
 
+    /// Volume of the domain \[m³\].
+    pub fn volume(&self) -> f64 {
+        self.operators.geometry.total_volume
+    }
+
+    /// Mean of ∂u_i/∂x_j over the domain \[1/s\] as gradient\[i\]\[j\]: ∮ u n dA by its volume, exact for the shape functions of
+    /// the elements. Collective.
+    pub fn mean_gradient(&self) -> [[f64; 3]; 3] {
+        let mut sums = [0.0; 9];
+        for share in &self.operators.geometry.boundary {
+            let u = self.velocity[share.node as usize];
+            for i in 0..3 {
+                for j in 0..3 {
+                    sums[3 * i + j] += u[i] * share.area[j];
+                }
+            }
+        }
+        self.mesh.halo.communicator().sum_slice(&mut sums);
+        [0, 1, 2].map(|i| [0, 1, 2].map(|j| sums[3 * i + j] / self.volume()))
+    }
+
     /// Σ V f(u) over the owned nodes of all ranks.
     fn sum<const N: usize>(&self, value: impl Fn([f64; 4]) -> [f64; N] + Sync + Send) -> [f64; N] {
         let volumes = self.operators.volumes();

@@ -68,10 +68,10 @@ impl Loads {
         acting
     }
 
-    /// What acts on a segment, `None` when nothing does.
+    /// What acts on a segment, `None` when nothing does, or before any forces.
     #[inline]
     pub fn get(&self, segment: usize) -> Option<&Acting> {
-        let touched = self.touched[segment].load(Ordering::Relaxed);
+        let touched = self.touched.get(segment)?.load(Ordering::Relaxed);
         touched.then(|| &self.acting[segment])
     }
 

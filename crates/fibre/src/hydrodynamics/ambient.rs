@@ -76,6 +76,14 @@ impl AmbientFlow {
             }
         }
     }
+
+    /// Mean over space of the velocity gradient \[1/s\]; zero for vortices, whose cells cancel.
+    pub fn mean_gradient(&self) -> Matrix3<f64> {
+        match self {
+            Self::Vortex { .. } => Matrix3::zeros(),
+            _ => self.at(&Vector3::zeros()).1,
+        }
+    }
 }
 
 #[cfg(test)]

@@ -1,12 +1,14 @@
 //! Quantities of the whole system and of single fibres. Sums over this rank; the caller adds ranks.
 
 mod budget;
+mod inside;
 mod statistics;
 mod stress;
 
 pub use budget::Budget;
 pub(crate) use budget::{Account, Accounts};
-pub use statistics::{FOURTH, Histogram, OrientationMoments};
+pub use inside::Inside;
+pub use statistics::{FOURTH, Histogram, OrientationMoments, Shear};
 
 use crate::beam::{ElasticEnergy, tangent};
 use crate::implicit::for_hinges;

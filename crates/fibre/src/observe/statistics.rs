@@ -1,9 +1,11 @@
 //! Statistics of directions and shapes over all fibres of all ranks, by sums alone.
 
+use super::Inside;
 use crate::hydrodynamics::cox_aspect_ratio;
 use crate::placement::orbit_constant;
 use crate::{FibreSystem, Matrix3, Vector3};
 use rayon::prelude::*;
+use std::f64::consts::PI;
 
 /// Components of the symmetric ⟨pppp⟩ that are independent, as indices.
 pub const FOURTH: [[usize; 4]; 15] = [
@@ -31,6 +33,29 @@ pub struct OrientationMoments {
     pub second: Matrix3,
     /// ⟨pppp⟩ in the order of [`FOURTH`].
     pub fourth: [f64; 15],
+}
+
+/// Axes of a simple shear.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shear {
+    /// Unit direction of the flow.
+    pub flow: Vector3,
+    /// Unit direction of the velocity gradient, across that of the flow.
+    pub gradient: Vector3,
+}
+
+impl Shear {
+    /// From two directions that are not parallel; of the gradient's, the part across the flow counts.
+    pub fn new(flow: &Vector3, gradient: &Vector3) -> Self {
+        let flow = flow.normalize();
+        let gradient = (gradient - flow * flow.dot(gradient)).normalize();
+        Self { flow, gradient }
+    }
+
+    /// Unit direction of the vorticity's axis, flow × gradient.
+    pub fn vorticity(&self) -> Vector3 {
+        self.flow.cross(&self.gradient)
+    }
 }
 
 /// Probability density over equal bins.
@@ -103,9 +128,12 @@ impl FibreSystem {
         nodes.windows(2).map(|w| w[1] - w[0])
     }
 
-    /// Moments of the directions of all segments. Collective.
-    pub fn orientation_moments(&self) -> OrientationMoments {
+    /// Moments of the directions of all segments of the fibres `inside`. Collective.
+    pub fn orientation_moments(&self, inside: &Inside) -> OrientationMoments {
         let sums = self.sums(22, |fibre, sums| {
+            if !inside.holds(&self.centre(fibre)) {
+                return;
+            }
             let segments = &self.model.segments[self.model.segment_range(fibre)];
             for (chord, segment) in self.chords(fibre).zip(segments) {
                 let (p, weight) = (chord.normalize(), segment.rest_length);
@@ -130,20 +158,25 @@ impl FibreSystem {
         moments
     }
 
-    /// Distribution of C/(1 + C) with Jeffery's orbit constant C of the end-to-end direction in a shear with these
-    /// orthogonal unit directions, Cox's equivalent aspect ratio, and the mean. Collective.
+    /// Distribution of C/(1 + C) with Jeffery's orbit constant C of the end-to-end direction in a shear, Cox's
+    /// equivalent aspect ratio, and the mean; of the fibres `inside`. Collective.
+    ///
+    /// C = tan θ √(r_e² cos² φ + sin² φ)/r_e (K 6.10, whose root lacks a square), θ from the vorticity's axis.
     pub fn orbit_distribution(
         &self,
-        flow: &Vector3,
-        gradient: &Vector3,
+        shear: &Shear,
+        inside: &Inside,
         bins: usize,
     ) -> (Histogram, f64) {
-        let vorticity = flow.cross(gradient);
+        let vorticity = shear.vorticity();
         let mut sums = self.sums(bins + 2, |fibre, sums| {
+            if !inside.holds(&self.centre(fibre)) {
+                return;
+            }
             let end = self.end_to_end(fibre);
-            let p = Vector3::new(end.dot(flow), end.dot(gradient), end.dot(&vorticity));
+            let across = [&shear.flow, &shear.gradient, &vorticity].map(|axis| end.dot(axis));
             let ratio = self.length(fibre) / (2.0 * self.material(fibre).radius);
-            let constant = orbit_constant(&p, cox_aspect_ratio(ratio));
+            let constant = orbit_constant(&across.into(), cox_aspect_ratio(ratio));
             // 1 in the plane of shear, where C is infinite.
             let bounded = 1.0 - 1.0 / (1.0 + constant);
             sums[bin(bounded, 1.0, bins)] += 1.0;
@@ -152,6 +185,21 @@ impl FibreSystem {
         let sum = sums.pop().unwrap_or(0.0);
         let fibres: f64 = sums.iter().sum();
         (Histogram::new(1.0, sums), sum / fibres.max(1.0))
+    }
+
+    /// Distribution from 0 to π of the angle φ of the end-to-end direction, in the plane of shear, from the gradient's
+    /// direction towards that of the flow; a fibre has no head, so φ and φ + π are one. Of the fibres `inside`. Collective.
+    ///
+    /// Jeffery's is r_e/(π (r_e² cos² φ + sin² φ)), twice K 6.9 (Mason & Manley 1956), which goes to 2π.
+    pub fn phase_distribution(&self, shear: &Shear, inside: &Inside, bins: usize) -> Histogram {
+        let weights = self.sums(bins + 1, |fibre, sums| {
+            if inside.holds(&self.centre(fibre)) {
+                let end = self.end_to_end(fibre);
+                let angle = end.dot(&shear.flow).atan2(end.dot(&shear.gradient));
+                sums[bin(angle.rem_euclid(PI), PI, bins).min(bins - 1)] += 1.0;
+            }
+        });
+        Histogram::new(PI, weights)
     }
 
     /// Distribution of the end-to-end distance by the stress-free length. Collective.

@@ -18,15 +18,22 @@ pub struct Observables {
     pub interval: Option<f64>,
     /// Keeps a budget of the fibres' energy, in `series/energy.csv`.
     pub energy: bool,
+    /// Stress of the suspension by its parts, in `series/stress.csv`: fluid 2μE, particle stress (Batchelor 1970) and contacts as
+    /// means over the domain, N1 and N2, and the viscosity relative to that of the fluid.
+    pub stress: bool,
+    /// Fibres whose centre is nearer to a face of the box that is not periodic count neither in directions nor in stress [m];
+    /// their share of the box is left out of its volume.
+    #[schemars(range(min = 0.0))]
+    pub wall_margin: f64,
     /// Bins of every distribution.
     #[schemars(range(min = 2, max = 1000))]
     pub bins: usize,
     /// Largest curvature times length in the distribution of curvatures.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub curvature_max: f64,
-    /// Direction of the flow, for orbit constants.
+    /// Direction of the flow, for orbit constants, phases and stress.
     pub flow: [f64; 3],
-    /// Direction of the velocity gradient, for orbit constants.
+    /// Direction of the velocity gradient, for the same.
     pub gradient: [f64; 3],
 }
 
@@ -36,6 +43,8 @@ impl Default for Observables {
             every: None,
             interval: None,
             energy: false,
+            stress: false,
+            wall_margin: 0.0,
             bins: 20,
             curvature_max: 20.0,
             flow: [1.0, 0.0, 0.0],

@@ -2,8 +2,8 @@
 
 use super::{
     Case, CaseError, Clamp, ContactWall, Correction, CouplingMode, Document, DragLaw, Exact,
-    Forcing, Initial, KernelKind, Kinematics, MeshSource, Placement, Region, Schedule, Scheme,
-    SlenderBody, Spheroid, TorqueLaw, schema,
+    Forcing, Initial, KernelKind, Kinematics, MeshSource, Observables, Placement, Region, Schedule,
+    Scheme, SlenderBody, Spheroid, TorqueLaw, schema,
 };
 
 type Checked = Result<(), Box<CaseError>>;
@@ -131,6 +131,7 @@ fn check_observables(case: &Case, document: &Document) -> Checked {
     }
     let schedule = observables.schedule(&Schedule::default());
     check_schedule("observables", &schedule, document)?;
+    check_margin(case, observables, document)?;
     let [f, g] = [observables.flow, observables.gradient];
     let square = |a: [f64; 3], b: [f64; 3]| (0..3).map(|c| a[c] * b[c]).sum::<f64>();
     // Squared sine of the angle that they enclose.
@@ -142,6 +143,34 @@ fn check_observables(case: &Case, document: &Document) -> Checked {
         );
     }
     Ok(())
+}
+
+/// What walls and volumes an observable needs.
+fn check_margin(case: &Case, observables: &Observables, document: &Document) -> Checked {
+    let domain = case.domain();
+    if observables.stress && domain.is_none() && case.mesh.is_none() {
+        let path = "output.observables.stress";
+        let error = document.error(path, "stress needs the volume of the suspension");
+        return Err(error.with_help("`ambient.domain`, or a mesh"));
+    }
+    if observables.wall_margin == 0.0 {
+        return Ok(());
+    }
+    let path = "output.observables.wall_margin";
+    let Some(domain) = domain else {
+        let error = document.value_error(path, format!("`{path}` needs a box"));
+        return Err(error.with_help("a mesh of kind \"box\", or `ambient.domain`"));
+    };
+    let narrow =
+        |&c: &usize| !domain.periodic[c] && domain.size[c] <= 2.0 * observables.wall_margin;
+    match (0..3).find(narrow) {
+        None => Ok(()),
+        Some(c) => {
+            let (margin, size) = (observables.wall_margin, domain.size[c]);
+            let message = format!("`{path} = {margin}` leaves nothing of a box {size} m wide");
+            Err(document.value_error(path, message))
+        }
+    }
 }
 
 fn check_loads(case: &Case, document: &Document) -> Checked {

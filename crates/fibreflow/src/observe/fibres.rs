@@ -1,12 +1,13 @@
 //! The series of directions and shapes of the fibres.
 
+use super::stress::{StressColumns, inside};
 use crate::case::{Case, Observables, Schedule};
 use crate::clock::Clock;
 use crate::error::ProgramError;
 use crate::output::series::Series;
 use crate::scene::Scene;
 use fibreflow_fibre::contact::ContactSystem;
-use fibreflow_fibre::{Budget, FOURTH, FibreSystem, Vector3};
+use fibreflow_fibre::{Budget, FOURTH, FibreSystem, Inside, Shear};
 use std::path::Path;
 
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -25,13 +26,18 @@ const ENERGY: [&str; 10] = [
     "residual",
 ];
 
-/// `series/orientation.csv`, `series/shape.csv` and `series/energy.csv`; the files on rank 0 only.
+/// `series/orientation.csv`, `series/shape.csv`, `series/energy.csv` and `series/stress.csv`; the files on rank 0 only.
 pub struct FibreSeries {
     about: Observables,
+    shear: Shear,
+    inside: Inside,
     schedule: Schedule,
     orientation: Option<Series>,
     shape: Option<Series>,
     energy: Option<Series>,
+    stress: Option<Series>,
+    /// What the stress is made of, if the case asks for it.
+    parts: Option<StressColumns>,
 }
 
 impl FibreSeries {
@@ -57,7 +63,14 @@ impl FibreSeries {
                 .transpose()
                 .map_err(|e| ProgramError::output(&path, &e))
         };
+        let shear = Shear::new(&about.flow.into(), &about.gradient.into());
+        let parts = about.stress.then(|| StressColumns::new(case, scene, shear));
+        let columns = parts.as_ref().map_or_else(Vec::new, StressColumns::names);
         Ok(Some(Self {
+            stress: open("stress.csv", columns, about.stress)?,
+            parts,
+            shear,
+            inside: inside(case),
             schedule: about.schedule(&case.output.series),
             orientation: open("orientation.csv", orientation_columns(about), true)?,
             shape: open("shape.csv", shape_columns(about), true)?,
@@ -83,13 +96,16 @@ impl FibreSeries {
         let Some(fibres) = &scene.fibres else {
             return Ok(());
         };
-        let orientation = orientation_values(&self.about, fibres);
+        let orientation = self.orientation_values(fibres);
         let shape = shape_values(&self.about, fibres, scene.fibre_count);
         let energy = fibres.budget().map_or_else(Vec::new, energy_values);
+        let stress = self.parts.as_ref().map(|p| p.values(scene, fibres));
+        let stress = stress.unwrap_or_default();
         let lines = [
             (&mut self.orientation, orientation),
             (&mut self.shape, shape),
             (&mut self.energy, energy),
+            (&mut self.stress, stress),
         ];
         for (series, values) in lines {
             if let Some(series) = series {
@@ -105,10 +121,26 @@ impl FibreSeries {
     /// # Errors
     /// A file that cannot be written.
     pub fn flush(&mut self) -> Result<(), ProgramError> {
-        let mut files = [&mut self.orientation, &mut self.shape]
-            .into_iter()
-            .flatten();
+        let files = [
+            &mut self.orientation,
+            &mut self.shape,
+            &mut self.energy,
+            &mut self.stress,
+        ];
+        let mut files = files.into_iter().flatten();
         files.try_for_each(Series::flush).map_err(failed)
+    }
+
+    fn orientation_values(&self, fibres: &FibreSystem) -> Vec<f64> {
+        let (shear, inside, bins) = (&self.shear, &self.inside, self.about.bins);
+        let moments = fibres.orientation_moments(inside);
+        let mut values: Vec<f64> = SECOND.map(|[i, j]| moments.second[(i, j)]).to_vec();
+        values.extend(moments.fourth);
+        let (orbits, mean) = fibres.orbit_distribution(shear, inside, bins);
+        values.push(mean);
+        values.extend(orbits.density);
+        values.extend(fibres.phase_distribution(shear, inside, bins).density);
+        values
     }
 }
 
@@ -129,20 +161,8 @@ fn orientation_columns(about: &Observables) -> Vec<String> {
     columns.extend(FOURTH.iter().map(|i| named(i)));
     columns.push("orbit_mean".to_owned());
     columns.extend(numbered("orbit", about.bins));
+    columns.extend(numbered("phase", about.bins));
     columns
-}
-
-fn orientation_values(about: &Observables, fibres: &FibreSystem) -> Vec<f64> {
-    let moments = fibres.orientation_moments();
-    let mut values: Vec<f64> = SECOND.map(|[i, j]| moments.second[(i, j)]).to_vec();
-    values.extend(moments.fourth);
-    let flow = Vector3::from(about.flow).normalize();
-    let gradient = Vector3::from(about.gradient);
-    let gradient = (gradient - flow * flow.dot(&gradient)).normalize();
-    let (orbits, mean) = fibres.orbit_distribution(&flow, &gradient, about.bins);
-    values.push(mean);
-    values.extend(orbits.density);
-    values
 }
 
 fn shape_columns(about: &Observables) -> Vec<String> {

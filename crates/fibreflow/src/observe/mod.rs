@@ -5,6 +5,7 @@ mod loads;
 mod progress;
 mod save;
 mod series;
+mod stress;
 mod vtk;
 
 pub use loads::{LoadSummary, PatchSummary, loads};
