@@ -143,6 +143,9 @@ def figure(found, path):
             axes[1, 2].errorbar(row["nL3"] * (1 + 0.03 * offset), row[name_] - 1, row[name_ + "_error"], fmt=marker, color=colour, mfc="none")
         for name_, marker in [("mu_rel_sf", "_"), ("mu_rel_batchelor", "x"), ("mu_rel_local", "+")]:
             axes[1, 2].plot(row["nL3"], row[name_] - 1, marker, color="k", ms=9)
+    for marker, what in [("o", "all"), ("s", "no contacts"), ("^", "walls"), ("v", "all, near walls too"), ("_", "K 6.3"), ("x", "K 6.2"), ("+", "local drag")]:
+        axes[1, 2].plot([], [], marker, color="k", mfc="none", label=what)
+    axes[1, 2].legend(fontsize=7)
     directions = np.random.default_rng(1).normal(size=(200000, 3))
     for ratio in sorted({m[0] for m in found}):
         orbit = np.hypot(directions[:, 1], directions[:, 0] / theory.cox(ratio)) / np.abs(directions[:, 2])
@@ -153,10 +156,10 @@ def figure(found, path):
     for axis, x, y in [
         (axes[0, 0], "t/τ", "⟨p$_x$²p$_y$²⟩ (dotted: K table 6.3)"),
         (axes[0, 1], "t/τ", "⟨C$_b$⟩ (dotted: K table 6.2)"),
-        (axes[0, 2], "t/τ", "μ$_{rel}$ − 1: all −, no contacts --, walls -·, K 6.3 ···"),
+        (axes[0, 2], "t/τ", "μ$_{rel}$ − 1 (dashed: no contacts, -·: walls, ···: K 6.3)"),
         (axes[1, 0], "φ/π from the gradient", "density"),
         (axes[1, 1], "C$_b$", "density"),
-        (axes[1, 2], "nL³", "μ$_{rel}$ − 1: all ○, no contacts □, walls △, near walls too ▽;\nK 6.3 _, K 6.2 ×, local drag +"),
+        (axes[1, 2], "nL³", "μ$_{rel}$ − 1"),
     ]:
         axis.set_xlabel(x)
         axis.set_ylabel(y)
@@ -168,6 +171,8 @@ def figure(found, path):
     axes[1, 2].set_xscale("log")
     axes[1, 2].set_xlim(2, 80)
     axes[1, 2].set_ylim(5e-3, 0.5)
+    axes[1, 2].set_xticks([2, 5, 10, 20, 50], [2, 5, 10, 20, 50])
+    axes[1, 2].minorticks_off()
     axes[1, 2].set_yscale("log")
     plot.tight_layout()
     plot.savefig(path, dpi=100)
