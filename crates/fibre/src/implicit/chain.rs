@@ -265,19 +265,7 @@ impl Batch<'_> {
         });
         if let Some(linear) = linear {
             let drag = self.linear_drag(action, &linear, &linear_slip);
-            let pull = drag.tensor * linear_slip.moment;
-            work.low_rank.active = true;
-            for i in 0..self.position.len() {
-                let share = work.low_rank.share[i];
-                work.push(i, &(pull * share));
-                let response = &mut work.low_rank.response;
-                response[i] = drag.tensor * response[i];
-            }
-            let by_span = drag.by_span(&linear_slip.moment);
-            let response = &mut work.low_rank.response;
-            let last = response.len() - 1;
-            response[0] -= by_span;
-            response[last] += by_span;
+            self.add_linear_drag(action, work, &drag, &linear_slip.moment);
         }
     }
 

@@ -309,20 +309,20 @@ impl Batch<'_> {
     }
 
     /// Force C M on the shares of the nodes; `work.low_rank.response` is ∂M/∂x before and ∂(C M)/∂x after.
-    fn add_linear_drag(
+    pub(super) fn add_linear_drag(
         &self,
         action: &Action,
         work: &mut Workspace,
         drag: &LinearDrag,
         moment: &Vector3,
     ) {
-        let low = &mut work.low_rank;
-        low.active = true;
+        work.low_rank.active = true;
         let pull = drag.tensor * moment;
-        for (i, share) in low.share.iter().enumerate() {
-            work.rhs[i] += stacked(&(pull * *share), &Vector3::zeros());
-            low.response[i] = drag.tensor * low.response[i];
+        for i in 0..work.low_rank.share.len() {
+            work.push(i, &(pull * work.low_rank.share[i]));
+            work.low_rank.response[i] = drag.tensor * work.low_rank.response[i];
         }
+        let low = &mut work.low_rank;
         if !action.symmetric {
             let by_span = drag.by_span(moment);
             let last = low.response.len() - 1;
