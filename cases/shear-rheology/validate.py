@@ -60,7 +60,7 @@ def settings(ratio, fraction):
 def toml(value):
     if isinstance(value, list):
         return "[" + ", ".join(f'"{v}"' if isinstance(v, str) else repr(float(v)) if isinstance(v, float) else repr(v) for v in value) + "]"
-    return repr(value)
+    return repr(float(value)) if isinstance(value, float) else repr(value)
 
 
 def run(program, folder, member, minutes):

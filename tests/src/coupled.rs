@@ -122,7 +122,7 @@ impl Coupled {
         let points = self.points.position.len() / self.fibres.fibres().max(1);
         let load = |f: usize| FibreLoad {
             id: self.fibres.id(f),
-            segments: SEGMENTS,
+            load: SEGMENTS as f64,
             middle_point: f * points + points / 2,
         };
         let loads: Vec<FibreLoad> = (0..self.fibres.fibres()).map(load).collect();

@@ -4,7 +4,7 @@ use crate::Coupling;
 use bytemuck::{Pod, Zeroable};
 use fibreflow_parallel::Communicator;
 
-/// A rank may hold this many times the mean number of segments.
+/// A rank may hold this many times the mean load.
 const OVERLOAD: f64 = 1.2;
 
 /// What the balance needs to know of one fibre of this rank.
@@ -12,8 +12,8 @@ const OVERLOAD: f64 = 1.2;
 pub struct FibreLoad {
     /// Global id of the fibre.
     pub id: u64,
-    /// Number of segments.
-    pub segments: usize,
+    /// What it costs, in segments.
+    pub load: f64,
     /// Index of the hydrodynamic point nearest the middle of the fibre, on this rank.
     pub middle_point: usize,
 }
@@ -22,14 +22,14 @@ pub struct FibreLoad {
 #[repr(C)]
 struct Candidate {
     id: u64,
-    segments: u64,
+    load: f64,
 }
 
 impl Coupling {
     /// Rank that should own each fibre of this rank. Collective; needs a sample of the current points.
     ///
     /// A fibre goes to the rank that holds the element around its middle. Ranks that would then hold more than 1.2
-    /// times the mean number of segments hand their fibres of largest global id to ranks below the mean. The answer
+    /// times the mean load hand their fibres of largest global id to ranks below the mean. The answer
     /// depends on positions, loads and ids only, not on who owns the fibres now.
     pub fn points_owner(&self, fibres: &[FibreLoad]) -> Vec<u32> {
         let hosts: Vec<u32> = self.hosts().collect();
@@ -42,7 +42,7 @@ fn balanced(communicator: &Communicator, fibres: &[FibreLoad], home: Vec<u32>) -
     let ranks = communicator.size();
     let mut loads = vec![0.0; ranks];
     for (fibre, &rank) in fibres.iter().zip(&home) {
-        loads[rank as usize] += fibre.segments as f64;
+        loads[rank as usize] += fibre.load;
     }
     communicator.sum_slice(&mut loads);
     let transfers = transfers(&loads);
@@ -54,7 +54,7 @@ fn balanced(communicator: &Communicator, fibres: &[FibreLoad], home: Vec<u32>) -
     for (fibre, &rank) in fibres.iter().zip(&home) {
         outgoing[rank as usize].push(Candidate {
             id: fibre.id,
-            segments: fibre.segments as u64,
+            load: fibre.load,
         });
     }
     let asked = communicator.exchange(outgoing);
@@ -68,7 +68,7 @@ fn balanced(communicator: &Communicator, fibres: &[FibreLoad], home: Vec<u32>) -
     home.into_iter().map(&mut answer).collect()
 }
 
-/// Segments to move: (from, to, how many), from overloaded ranks to ranks below the mean, in rank order.
+/// Load to move: (from, to, how many), from overloaded ranks to ranks below the mean, in rank order.
 fn transfers(loads: &[f64]) -> Vec<(u32, u32, f64)> {
     let mean = loads.iter().sum::<f64>() / loads.len() as f64;
     let mut room: Vec<f64> = loads.iter().map(|load| (mean - load).max(0.0)).collect();
@@ -102,10 +102,10 @@ fn decide(rank: u32, asked: &[Vec<Candidate>], transfers: Vec<(u32, u32, f64)>) 
     for (_, to, mut amount) in transfers.into_iter().filter(|t| t.0 == rank) {
         // A fibre is moved when at least half of it is asked for.
         while let Some(&(_, from, k)) = places.peek()
-            && asked[from][k].segments as f64 <= 2.0 * amount
+            && asked[from][k].load <= 2.0 * amount
         {
             answers[from][k] = to;
-            amount -= asked[from][k].segments as f64;
+            amount -= asked[from][k].load;
             places.next();
         }
     }
@@ -132,7 +132,7 @@ mod tests {
         let list = |first: u64| {
             (0..20).map(move |k| Candidate {
                 id: first + (k * 7) % 20,
-                segments: 10,
+                load: 10.0,
             })
         };
         let asked = vec![list(20).collect(), list(0).collect(), vec![], vec![]];
@@ -140,7 +140,7 @@ mod tests {
         let mut after = [0.0; 4];
         for (list, owners) in asked.iter().zip(&answers) {
             for (c, &owner) in list.iter().zip(owners) {
-                after[owner as usize] += c.segments as f64;
+                after[owner as usize] += c.load;
                 assert_eq!(
                     owner == 0,
                     c.id < 12,
@@ -155,10 +155,7 @@ mod tests {
     #[test]
     fn a_single_long_fibre_stays_where_it_is() {
         let moves = transfers(&[50.0, 0.0, 0.0, 0.0]);
-        let asked = vec![vec![Candidate {
-            id: 3,
-            segments: 50,
-        }]];
+        let asked = vec![vec![Candidate { id: 3, load: 50.0 }]];
         assert_eq!(decide(0, &asked, moves), vec![vec![0]]);
     }
 }

@@ -4,8 +4,7 @@ use crate::contact::FrictionRecord;
 use crate::hydrodynamics::Section;
 use crate::observe::Account;
 use crate::system::Motion;
-use crate::touching::Touching;
-use crate::{Ambient, FibreError, FibreSystem, Points};
+use crate::{Ambient, FibreSystem, Points};
 
 /// All that a step changes.
 #[derive(Clone, Debug, Default)]
@@ -38,25 +37,18 @@ impl FibreSystem {
         });
     }
 
-    /// Goes back to a state of these same fibres. Contacts are then searched for anew, so that friction springs are
-    /// those of the state; without contacts it is a copy.
-    ///
-    /// # Errors
-    /// [`FibreError::Contact`], as of the settings.
-    pub fn go_back(&mut self, saved: &Saved) -> Result<(), FibreError> {
+    /// Goes back to a state of these same fibres. Pairs stay listed; they are searched for anew where there are friction springs.
+    pub fn go_back(&mut self, saved: &Saved) {
         self.motion.clone_from(&saved.motion);
         self.accounts.fibres.clone_from(&saved.accounts);
-        if let (Some(settings), Some(state)) = (&self.settings.contacts, &saved.contacts) {
-            let mut touching = Touching::new(settings.clone(), &self.communicator)?;
-            touching.rebuild(&self.model);
+        if let (Some(touching), Some(state)) = (&mut self.touching, &saved.contacts) {
+            touching.forget();
             touching.critical_step = state.critical_step;
             touching.last_step = state.last_step;
             touching.contacts.set_time(state.time);
             touching.contacts.set_settled(state.settled);
-            touching.contacts.restore_records(state.springs.clone());
-            self.touching = Some(touching);
+            touching.contacts.replace_springs(&state.springs);
         }
-        Ok(())
     }
 
     /// Of the points of this rank in a flow: the longest step that explicit drag would bear \[s\], K 3.72, twice mass by

@@ -80,6 +80,11 @@ impl Touching {
     /// Takes over the segments of the model.
     pub fn rebuild(&mut self, model: &Model) {
         self.axes = Axes::new(model);
+        self.forget();
+    }
+
+    /// Starts the next joint step without what the last one has left.
+    pub fn forget(&mut self) {
         self.joint = Joint::default();
     }
 
@@ -132,6 +137,19 @@ impl Batch<'_> {
 }
 
 impl FibreSystem {
+    /// Contacts of a fibre with others at the end of the last step.
+    pub fn contacts_of(&self, fibre: usize) -> f64 {
+        self.accounts.fibres[fibre].contacts
+    }
+
+    /// Notes the contacts of every fibre.
+    fn count_contacts(&mut self, contacts: &ContactSystem) {
+        for (f, account) in self.accounts.fibres.iter_mut().enumerate() {
+            let segments = self.model.segment_range(f);
+            account.contacts = segments.map(|s| contacts.contacts_of(s) as f64).sum();
+        }
+    }
+
     /// One implicit step of all fibres together. Collective.
     fn run_jointly(
         &mut self,
@@ -161,6 +179,7 @@ impl FibreSystem {
         let done = joint.advance(&mut parties, &touching.axes, dt, settings)?;
         let segments = touching.axes.moving(&self.motion);
         touching.contacts.finish(&segments);
+        self.count_contacts(&touching.contacts);
         self.work = (done.sub_steps, done.sub_steps * self.segments());
         if done.converged {
             Ok(())
@@ -223,6 +242,7 @@ impl FibreSystem {
         let segments = touching.axes.moving(motion);
         touching.contacts.finish(&segments);
         touching.critical_step = Some(touching.contacts.critical_step(&segments));
+        self.count_contacts(&touching.contacts);
         self.given_up(given_up.into_inner())
     }
 }

@@ -76,6 +76,10 @@ pub struct Totals {
     pub segment_substeps: usize,
     /// Rounds of all steps in which forces and flow were found together, and the most of any.
     pub rounds: [usize; 2],
+    /// Steps whose forces were found loosely.
+    pub loose: u64,
+    /// Largest change in a last round, relative.
+    pub left: f64,
     /// Largest gain that lagged forces would have had.
     pub gain: f64,
     /// Longest step for explicit drag in the last step \[s\] (K 3.72), and the largest Δt β Σ w²/(ρV) in it.
@@ -148,6 +152,8 @@ impl Totals {
                 self.rounds[1].max(rounds.rounds),
             ];
             self.gain = self.gain.max(rounds.gain);
+            self.loose += u64::from(rounds.loose);
+            self.left = self.left.max(rounds.left);
         }
     }
 

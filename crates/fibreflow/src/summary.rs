@@ -97,6 +97,10 @@ pub struct CouplingSummary {
     pub rounds_mean: Option<f64>,
     /// The most of any step.
     pub rounds_max: Option<usize>,
+    /// Steps whose forces were found to a hundredth only, as contacts came and went between rounds.
+    pub loose_steps: Option<u64>,
+    /// Largest change of the forces in the last round of a step, relative.
+    pub left_max: Option<f64>,
     /// Largest factor by which lagged forces would have grown in a step.
     pub gain_max: Option<f64>,
 }
@@ -172,6 +176,8 @@ pub fn of(
             loading: (spread && !iterated).then_some(totals.coupling[1]),
             rounds_mean: mean(totals.rounds[0]).filter(|_| iterated),
             rounds_max: iterated.then_some(totals.rounds[1]),
+            loose_steps: iterated.then_some(totals.loose),
+            left_max: iterated.then_some(totals.left),
             gain_max: iterated.then_some(totals.gain),
         },
         timings,
@@ -233,6 +239,11 @@ pub fn closing(summary: &Summary, stop: Stop) -> String {
         lines.push(format!(
             "coupling: {mean:.1} rounds a step, {most} at most; lagged forces would grow by {gain:.2} in a step"
         ));
+        if let (Some(steps @ 1..), Some(left)) = (coupling.loose_steps, coupling.left_max) {
+            lines.push(format!(
+                "coupling: in {steps} steps contacts that came and went left forces changing by up to {left:.1e} in the last round"
+            ));
+        }
     }
     if let Some(loading) = coupling.loading {
         lines.push(format!(

@@ -99,6 +99,7 @@ impl Fluid {
                     &operators,
                     &boundary,
                     settings.kinematic_viscosity(),
+                    settings.preconditioner,
                 )?),
             },
             momentum: Momentum::new(&mesh, &geometry, &boundary)?,

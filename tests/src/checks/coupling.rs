@@ -198,7 +198,7 @@ pub fn crowded_fibres_are_handed_out(communicator: &Communicator) -> Outcome {
         let loads: Vec<FibreLoad> = (transfer.ids.iter().enumerate())
             .map(|(middle_point, &k)| FibreLoad {
                 id: k as u64,
-                segments: 10,
+                load: 10.0,
                 middle_point,
             })
             .collect();

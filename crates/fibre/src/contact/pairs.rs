@@ -167,6 +167,10 @@ impl Pairs {
         self.contacts.iter().map(|contact| &contact.spring)
     }
 
+    pub fn springs_mut(&mut self) -> impl Iterator<Item = &mut Vector3> {
+        self.contacts.iter_mut().map(|contact| &mut contact.spring)
+    }
+
     /// Computes all contacts at a `path`, advances their springs by `dt` and marks the owned segments that feel a force.
     /// Returns the energy lost by contacts whose first segment is owned \[J\].
     pub fn respond(
@@ -367,6 +371,13 @@ impl Pairs {
             }
         }
         acting
+    }
+
+    /// Pairs of an owned segment that are within range.
+    pub fn count(&self, segment: usize) -> usize {
+        let row = self.offsets[segment] as usize..self.offsets[segment + 1] as usize;
+        let active = |&&entry: &&u32| self.contacts[(entry >> 1) as usize].active;
+        self.rows[row].iter().filter(active).count()
     }
 
     /// Calls `each` with the local indices of every pair within range, its overlap \[m\] and the bound of the stiffness

@@ -269,6 +269,11 @@ impl ContactSystem {
         self.loads.get(segment).map(|acting| &acting.load)
     }
 
+    /// Contacts of an owned segment with others in the last step.
+    pub(crate) fn contacts_of(&self, segment: usize) -> usize {
+        self.pairs.count(segment)
+    }
+
     /// Largest stable step of velocity Verlet with the contacts of the last step, over all ranks \[s\]. Collective.
     ///
     /// K 3.37–3.40 with Δt = 2/ω: N contacts on a segment of mass m, lumped in halves at its ends, bound the frequency
@@ -400,6 +405,21 @@ impl ContactSystem {
     /// the next [`ContactSystem::update`].
     pub fn restore_records(&mut self, records: Vec<FrictionRecord>) {
         self.pending.extend(records);
+    }
+
+    /// Friction springs become those of an earlier state of the same segments.
+    pub fn replace_springs(&mut self, records: &[FrictionRecord]) {
+        self.pending.clear();
+        if records.is_empty() && self.springs(|_| true).is_empty() {
+            return;
+        }
+        self.pairs
+            .springs_mut()
+            .for_each(|spring| *spring = Vector3::zeros());
+        self.walls
+            .springs_mut()
+            .for_each(|spring| *spring = Vector3::zeros());
+        self.pending.extend_from_slice(records);
     }
 
     fn springs(&self, chosen: impl Fn(&[u32; 2]) -> bool) -> Vec<FrictionRecord> {

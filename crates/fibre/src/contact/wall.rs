@@ -290,10 +290,14 @@ impl WallContacts {
     }
 
     pub fn set_springs(&mut self, springs: &[Vector3]) {
-        let slots = self.candidates.iter_mut().flat_map(|c| &mut c.springs);
+        let slots = self.springs_mut();
         slots
             .zip(springs)
             .for_each(|(slot, spring)| *slot = *spring);
+    }
+
+    pub fn springs_mut(&mut self) -> impl Iterator<Item = &mut Vector3> {
+        self.candidates.iter_mut().flat_map(|c| &mut c.springs)
     }
 
     /// Adds the wall forces of a step `dt` to the loads; `time` is that since the walls were where the settings put them.

@@ -98,6 +98,15 @@ impl DragModel {
         }
     }
 
+    /// Whether a fibre of one thickness has the same resistance all along, whatever the slip.
+    pub(crate) fn uniform(self) -> bool {
+        match self {
+            Self::None => true,
+            Self::SlenderBody(constants) => constants != SlenderConstants::Ends,
+            Self::InfiniteCylinder | Self::Auto(_) | Self::ProlateSpheroid(_) => false,
+        }
+    }
+
     /// What the slender-body part of the law has for a slip that is linear along a straight fibre, where that is another
     /// resistance.
     pub fn linear_part(self, aspect_ratio: f64, viscosity: f64) -> Option<Resistance> {

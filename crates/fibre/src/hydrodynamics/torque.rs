@@ -49,6 +49,15 @@ pub struct TorqueLaw {
 }
 
 impl TorqueLaw {
+    /// The law of the same section at another tangent and gradient.
+    pub(crate) fn at(&self, tangent: &Vector3<f64>, gradient: &Matrix3<f64>) -> Self {
+        let strain_rate = 0.5 * (gradient + gradient.transpose());
+        Self {
+            strain_torque: -self.strain * tangent.cross(&(strain_rate * tangent)),
+            ..*self
+        }
+    }
+
     /// Torque per length \[N\] on a fibre turning at `angular_velocity` \[rad/s\] in fluid with ∇u = `gradient`.
     pub fn torque(
         &self,
@@ -94,6 +103,11 @@ pub fn cox_aspect_ratio(aspect_ratio: f64) -> f64 {
 }
 
 impl TorqueModel {
+    /// Whether a fibre of one thickness has the same law all along.
+    pub(crate) fn uniform(self) -> bool {
+        !matches!(self, Self::ProlateSpheroid(_))
+    }
+
     /// The law at a point with unit tangent `tangent` and gradient\[i\]\[j\] = ∂u_i/∂x_j \[1/s\].
     ///
     /// T_s = −C_s μ d² t × (E·t): K 4.28 with its sign turned, so that a fibre aligned with a shear flow feels
@@ -106,13 +120,13 @@ impl TorqueModel {
         fluid: &FluidProperties,
     ) -> TorqueLaw {
         let (resistance_axial, resistance_normal, strain) = self.coefficients(section, fluid);
-        let strain_rate = 0.5 * (gradient + gradient.transpose());
-        TorqueLaw {
+        let section = TorqueLaw {
             resistance_axial,
             resistance_normal,
             strain,
-            strain_torque: -strain * tangent.cross(&(strain_rate * tangent)),
-        }
+            strain_torque: Vector3::zeros(),
+        };
+        section.at(tangent, gradient)
     }
 
     /// Resistances to spin about and across the axis and the coefficient of −t × (E·t), by length \[N·s\].

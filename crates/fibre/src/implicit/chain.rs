@@ -222,7 +222,7 @@ impl Batch<'_> {
         work.low_rank.clear();
         let linear = self.linear_part(action);
         let mut linear_slip = LinearSlip::zero();
-        self.for_points(action, moment, |i, _, point: &Point| {
+        self.for_points::<true>(action, moment, |i, _, point: &Point| {
             let shares = [1.0 - point.xi, point.xi];
             let force = point.force();
             let span = self.position[i + 1] - self.position[i];

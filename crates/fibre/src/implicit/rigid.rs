@@ -4,7 +4,7 @@
 //! nodes (mass centre, mean velocity, frame and angular velocity of the first node) and written back to all of them, so
 //! that everything else sees a fibre like any other, and no shape error gathers.
 
-use super::point::Point;
+use super::point::{Gathered, Point};
 use super::rotation::{rotation_between, turned};
 use super::stage::QUADRATURE;
 use super::{Action, Done, GAMMA, Refinement};
@@ -24,10 +24,16 @@ pub(crate) struct Body {
     inertia: Matrix3,
     /// Nodes about the mass centre and their frames, in the frame of the first node.
     nodes: Vec<(Vector3, Quaternion)>,
+    /// Straight, and as thick everywhere.
+    uniform: bool,
 }
 
-/// Newton's iteration ends when the angle and the place over the fibre's length change by less.
-const CLOSE: f64 = 1e-12;
+/// Newton's iteration ends when the angle and the place over the fibre's length change by less. The last change is made and
+/// leaves about its square, which a flow forgets, but not a free body.
+const CLOSE: f64 = 1e-6;
+const CLOSE_WHEN_FREE: f64 = 1e-12;
+/// Nodes of a straight fibre off the line from end to end, over its length.
+const OFF: f64 = 1e-9;
 const MOST_ITERATIONS: usize = 30;
 
 /// Motion of the body.
@@ -61,9 +67,11 @@ impl Body {
                 + Matrix3::from_diagonal_element(node.transverse_inertia)
                 + t * t.transpose() * (node.axial_inertia - node.transverse_inertia);
         }
+        let thick = |s: &Segment| s.radius == segments[0].radius;
         Self {
             mass,
             inertia,
+            uniform: segments.iter().all(thick) && straight(&nodes),
             nodes,
         }
     }
@@ -72,6 +80,14 @@ impl Body {
         let r = frame.to_rotation_matrix();
         r.matrix() * self.inertia * r.matrix().transpose()
     }
+}
+
+fn straight(nodes: &[(Vector3, Quaternion)]) -> bool {
+    let span = nodes[nodes.len() - 1].0 - nodes[0].0;
+    let off = |(x, _): &(Vector3, Quaternion)| (x - nodes[0].0).cross(&span).norm();
+    nodes
+        .iter()
+        .all(|node| off(node) <= OFF * span.norm_squared())
 }
 
 impl Batch<'_> {
@@ -139,8 +155,15 @@ impl Batch<'_> {
         let share = 1.0 / n as f64;
         let start = self.body_state(action.model, body);
         let momentum = body.inertia_in(&start.frame) * start.spin;
-        let middle = self.rigid_stage(action, body, &start, &momentum, h, moment(GAMMA))?;
-        self.exchange(action, share * (1.0 - GAMMA), moment(GAMMA));
+        let (middle_moment, last_moment) = (moment(GAMMA), moment(1.0));
+        let gather = |fibre: &Self, moment: f64| {
+            let gathered = || fibre.gathered(action, moment);
+            body.uniform.then(gathered).flatten()
+        };
+        let gathered = gather(self, middle_moment);
+        let flow = (gathered.as_ref(), middle_moment);
+        let middle = self.rigid_stage(action, body, &start, &momentum, h, flow)?;
+        self.exchange_body(action, share * (1.0 - GAMMA), flow);
         let (onward, rest) = ((1.0 - GAMMA) / GAMMA, (1.0 - GAMMA) * h);
         let gained = body.inertia_in(&middle.frame) * middle.spin - momentum;
         let base = State {
@@ -150,8 +173,10 @@ impl Batch<'_> {
             spin: middle.spin,
         };
         let momentum = momentum + gained * onward;
-        let end = self.rigid_stage(action, body, &base, &momentum, h, moment(1.0))?;
-        self.exchange(action, share * GAMMA, moment(1.0));
+        let gathered = gather(self, last_moment);
+        let flow = (gathered.as_ref(), last_moment);
+        let end = self.rigid_stage(action, body, &base, &momentum, h, flow)?;
+        self.exchange_body(action, share * GAMMA, flow);
         // Against the third-order quadrature of the velocities at 0, γ and 1.
         let [first, second, last] = QUADRATURE;
         let missed =
@@ -159,6 +184,18 @@ impl Batch<'_> {
         let length = action.model.fibres[self.fibres.start].length;
         let turned = missed(start.spin, middle.spin, end.spin) * 0.5 * length;
         Some(missed(start.velocity, middle.velocity, end.velocity) + turned)
+    }
+
+    fn exchange_body(
+        &mut self,
+        action: &Action,
+        share: f64,
+        (gathered, moment): (Option<&Gathered>, f64),
+    ) {
+        match gathered {
+            Some(gathered) => self.exchange_gathered(action, gathered, share, moment),
+            None => self.exchange(action, share, moment),
+        }
     }
 
     /// Implicit Euler step of γh from `base` with this angular momentum.
@@ -169,7 +206,7 @@ impl Batch<'_> {
         base: &State,
         momentum: &Vector3,
         h: f64,
-        moment: f64,
+        (gathered, moment): (Option<&Gathered>, f64),
     ) -> Option<State> {
         let tau = GAMMA * h;
         let mut state = State {
@@ -178,10 +215,11 @@ impl Batch<'_> {
             ..*base
         };
         let length = action.model.fibres[self.fibres.start].length;
+        let close = action.flow.map_or(CLOSE_WHEN_FREE, |_| CLOSE);
         for _ in 0..MOST_ITERATIONS {
             self.place_body(body, &state);
             let inertia = body.inertia_in(&state.frame);
-            let (mut matrix, mut rhs) = self.rigid_loads(action, &state, tau, moment);
+            let (mut matrix, mut rhs) = self.rigid_loads(action, &state, gathered, tau, moment);
             let inertial = [
                 (state.velocity - base.velocity) * (body.mass / tau),
                 (inertia * state.spin - momentum) / tau,
@@ -208,7 +246,7 @@ impl Batch<'_> {
             state.velocity += step / tau;
             state.frame = turned(&state.frame, &turn);
             state.spin = rotation_between(&base.frame, &state.frame) / tau;
-            if step.norm() / length + turn.norm() < CLOSE || action.settings.linear {
+            if step.norm() / length + turn.norm() < close || action.settings.linear {
                 self.place_body(body, &state);
                 return Some(state);
             }
@@ -221,6 +259,7 @@ impl Batch<'_> {
         &self,
         action: &Action,
         state: &State,
+        gathered: Option<&Gathered>,
         tau: f64,
         moment: f64,
     ) -> (Matrix6<f64>, Vector6<f64>) {
@@ -251,9 +290,8 @@ impl Batch<'_> {
         // A = Σ w σ arm, Σ w σ δs by place and by rotation.
         let mut lever_arm = Vector3::zeros();
         let (mut by_place, mut by_rotation) = (Matrix3::zeros(), Matrix3::zeros());
-        self.for_points(action, moment, |i, _, point: &Point| {
-            let span = self.position[i + 1] - self.position[i];
-            let arm = self.position[i] + span * point.xi - state.centre;
+        self.for_body_points(action, gathered, moment, |point: &Point| {
+            let (span, arm) = (&point.span, point.position - state.centre);
             let force = point.force();
             let turning = point.spin_tensor() * point.weight;
             let torque = turning * (point.spin - state.spin) + point.strain_torque * point.weight;

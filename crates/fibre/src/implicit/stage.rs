@@ -227,7 +227,7 @@ impl Batch<'_> {
         work.low_rank.clear();
         let linear = self.linear_part(action);
         let mut linear_slip = LinearSlip::zero();
-        self.for_points(action, moment, |i, _, point| {
+        self.for_points::<true>(action, moment, |i, _, point| {
             let shares = [1.0 - point.xi, point.xi];
             let force = point.force();
             let turning = point.spin_tensor();
@@ -340,7 +340,7 @@ impl Batch<'_> {
         let torque = std::mem::take(&mut self.reaction_torque);
         let linear = self.linear_part(action);
         let mut linear_slip = LinearSlip::zero();
-        self.for_points(action, moment, |_, p, point| {
+        self.for_points::<false>(action, moment, |_, p, point| {
             let weight = share * point.weight;
             let [a, b] = point.angular_velocity;
             let relative = point.spin - a * (1.0 - point.xi) - b * point.xi;

@@ -64,11 +64,13 @@ pub(crate) struct Account {
     start: Option<[f64; 2]>,
     /// Works of loads and flow, losses in drag and material.
     works: [f64; 4],
+    /// Contacts with other fibres at the end of the last step.
+    pub contacts: f64,
 }
 
 impl Account {
     /// Words of a record.
-    pub const WORDS: usize = 7;
+    pub const WORDS: usize = 8;
 
     pub(crate) fn is_open(&self) -> bool {
         self.start.is_some()
@@ -77,14 +79,15 @@ impl Account {
     pub(crate) fn opened_at(start: Option<[f64; 2]>) -> Self {
         Self {
             start,
-            works: [0.0; 4],
+            ..Self::default()
         }
     }
 
     pub fn to_words(self) -> [u64; Self::WORDS] {
         let [kinetic, elastic] = self.start.unwrap_or_default();
         let [a, b, c, d] = self.works;
-        let [kinetic, elastic, a, b, c, d] = [kinetic, elastic, a, b, c, d].map(f64::to_bits);
+        let numbers = [kinetic, elastic, a, b, c, d, self.contacts];
+        let [kinetic, elastic, a, b, c, d, contacts] = numbers.map(f64::to_bits);
         [
             u64::from(self.start.is_some()),
             kinetic,
@@ -93,13 +96,15 @@ impl Account {
             b,
             c,
             d,
+            contacts,
         ]
     }
 
-    pub fn from_words(started: u64, [kinetic, elastic, a, b, c, d]: [f64; 6]) -> Self {
+    pub fn from_words(started: u64, [kinetic, elastic, a, b, c, d, contacts]: [f64; 7]) -> Self {
         Self {
             start: (started != 0).then_some([kinetic, elastic]),
             works: [a, b, c, d],
+            contacts,
         }
     }
 }

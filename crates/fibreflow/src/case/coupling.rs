@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// How fibres and fluid act on each other.
-#[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Coupling {
     /// One-way or two-way.
@@ -19,6 +19,22 @@ pub struct Coupling {
     pub correction: Correction,
     /// How a step of fluid and fibres is taken together.
     pub scheme: Scheme,
+    /// Relative change of the forces in a round at which the iterated scheme has found them.
+    #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
+    pub tolerance: f64,
+}
+
+impl Default for Coupling {
+    fn default() -> Self {
+        Self {
+            mode: CouplingMode::default(),
+            kernel: KernelKind::default(),
+            width: None,
+            correction: Correction::default(),
+            scheme: Scheme::default(),
+            tolerance: 1e-6,
+        }
+    }
 }
 
 /// Direction of the coupling.
@@ -65,6 +81,6 @@ pub enum Scheme {
     Auto,
     /// Fibres in the flow of the step before, then the fluid.
     Staggered,
-    /// Forces solved for together with the flow, to 1e-6; needs a fluid without convection.
+    /// Forces solved for together with the flow, to `tolerance`; needs a fluid without convection.
     Iterated,
 }

@@ -287,6 +287,7 @@ placement = { kind = "random", count = 3, seed = 1 }
                 &["coupling.mode=one-way", "coupling.scheme=iterated"],
                 "coupling.scheme",
             ),
+            (&["coupling.tolerance=0"], "coupling.tolerance"),
             (&["coupling.kernel=gauss"], "coupling.kernel"),
         ] {
             let message = complaint(GOOD, overrides);

@@ -77,6 +77,10 @@ fn check_coupling(case: &Case, document: &Document) -> Checked {
         let help = "what a fibre does to the flow is known for `kernel = \"gaussian\"` in two-way coupling";
         return refuse("correction", "does not go with this coupling", help);
     }
+    if !(coupling.tolerance > 0.0 && coupling.tolerance < 1.0) {
+        let help = "a number above 0 and below 1";
+        return refuse("tolerance", "is not the part of a force", help);
+    }
     if coupling.scheme == Scheme::Iterated && !two_way {
         let help = "forces are solved together with the flow in two-way coupling only";
         return refuse("scheme", "does not go with this coupling", help);

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 const KEPT: usize = 2;
 
 /// Changes with the layout of what a checkpoint holds; 2: fibre records say whether a fibre is rigid.
-const FORMAT: u32 = 4;
+const FORMAT: u32 = 5;
 
 #[derive(Debug, Serialize, Deserialize)]
 struct Index {

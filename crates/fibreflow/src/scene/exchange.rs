@@ -17,17 +17,27 @@ const ESTIMATE: u64 = 8;
 pub struct SchemeChoice {
     /// Forces are solved for with the flow.
     pub iterated: bool,
+    /// Change of the forces in a round, relative, at which they are found.
+    pub tolerance: f64,
     reason: &'static str,
 }
 
 impl fmt::Display for SchemeChoice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let name = if self.iterated {
-            "iterated (forces solved with the flow, to 1e-6)"
+        let Self {
+            tolerance, reason, ..
+        } = self;
+        if self.iterated {
+            write!(
+                f,
+                "scheme iterated (forces solved with the flow, to {tolerance:.0e}): {reason}"
+            )
         } else {
-            "staggered (fibres in the flow extrapolated from the last two steps, then the fluid)"
-        };
-        write!(f, "scheme {name}: {}", self.reason)
+            write!(
+                f,
+                "scheme staggered (fibres in the flow extrapolated from the last two steps, then the fluid): {reason}"
+            )
+        }
     }
 }
 
@@ -46,7 +56,11 @@ impl SchemeChoice {
             (Scheme::Auto, _) if convects => (false, "the fluid has inertia to hold its velocity"),
             (Scheme::Auto, _) => (true, "without convection the flow answers at once"),
         };
-        Ok(Self { iterated, reason })
+        Ok(Self {
+            iterated,
+            tolerance: case.tolerance,
+            reason,
+        })
     }
 }
 

@@ -256,6 +256,9 @@ pub fn length(group: &FibreGroup) -> Option<f64> {
     }
 }
 
+/// Time that a contact of a fibre takes, by that of a segment (docs/validation.md, cost).
+const CONTACT: f64 = 2.0;
+
 /// What the balance over ranks needs to know of each fibre; `points` are those of the fibres now.
 pub fn loads(fibres: &FibreSystem, points: &Points) -> Vec<FibreLoad> {
     let mut first = 0;
@@ -273,7 +276,7 @@ pub fn loads(fibres: &FibreSystem, points: &Points) -> Vec<FibreLoad> {
         first += count;
         FibreLoad {
             id: fibres.id(fibre),
-            segments,
+            load: segments as f64 + CONTACT * fibres.contacts_of(fibre),
             middle_point: middle,
         }
     };

@@ -22,7 +22,7 @@ pub use step::CreepingStep;
 
 use crate::boundary::Boundary;
 use crate::operators::Operators;
-use crate::{Fluid, FluidError, Inertia, rows};
+use crate::{Fluid, FluidError, Inertia, PressurePreconditioner, rows};
 use fibreflow_mesh::LocalMesh;
 use fibreflow_parallel::block_sums;
 use fibreflow_solve::SolveError;
@@ -71,11 +71,14 @@ impl Creeping {
         operators: &Operators,
         boundary: &Boundary,
         viscosity: f64,
+        preconditioner: PressurePreconditioner,
     ) -> Result<Self, FluidError> {
+        use PressurePreconditioner::{Auto, Direct};
+        let directly = matches!(preconditioner, Auto | Direct);
         let system = System::new(mesh, operators, viscosity)?;
         let owned = vec![[0.0; 4]; mesh.owned()];
         Ok(Self {
-            preconditioner: BlockPreconditioner::new(mesh, boundary),
+            preconditioner: BlockPreconditioner::new(mesh, boundary, directly),
             krylov: Krylov::default(),
             free: free_directions(mesh, boundary),
             source: owned.clone(),

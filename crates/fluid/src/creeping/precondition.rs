@@ -6,10 +6,11 @@
 
 use crate::boundary::Boundary;
 use crate::operators::Operators;
+use crate::poisson::DEAREST_DIRECT;
 use crate::rows::{self, nothing};
 use fibreflow_mesh::LocalMesh;
 use fibreflow_solve::{
-    Amg, AmgSettings, CgSettings, ConjugateGradients, NullSpace, PairMatrix, SolveError,
+    Amg, AmgSettings, CgSettings, ConjugateGradients, Direct, NullSpace, PairMatrix, SolveError,
 };
 
 /// Residual reduction of the inner solves.
@@ -19,31 +20,69 @@ const INNER: CgSettings = CgSettings {
     max_iterations: 200,
 };
 
-/// One scalar equation with its multigrid.
-struct Scalar {
+/// How m V − V L is inverted.
+enum Inverse {
+    Direct(Box<Direct>),
+    Multigrid(Box<Multigrid>),
+}
+
+struct Multigrid {
     matrix: PairMatrix,
-    multigrid: Amg,
+    cycle: Amg,
     null_space: NullSpace,
 }
 
-impl Scalar {
+impl Inverse {
+    /// Directly where the mesh allows it, the nodes of given values are whole sides and it takes few operations. Collective.
     fn new(
         mesh: &LocalMesh,
         operators: &Operators,
         fixed: &[bool],
-        shift: Option<&[f64]>,
+        mass: f64,
+        directly: bool,
     ) -> Result<Self, SolveError> {
+        if let Some(tensor) = operators.geometry.tensor.as_ref().filter(|_| directly)
+            && let Some(ends) = Direct::fixed_ends(&mesh.halo, &tensor.grid, fixed)
+            && Direct::estimate(&tensor.lines, ends) <= DEAREST_DIRECT * mesh.total_nodes as f64
+        {
+            let direct = Direct::new(&mesh.halo, &tensor.grid, &tensor.lines, ends, mass)?;
+            return Ok(Self::Direct(Box::new(direct)));
+        }
+        let shift: Vec<f64> = operators.volumes().iter().map(|v| mass * v).collect();
+        let shift = (mass > 0.0).then_some(&shift[..]);
         let matrix = PairMatrix::new(mesh, &operators.geometry, fixed, shift)?;
         let null_space = if matrix.is_singular() {
             NullSpace::Constant
         } else {
             NullSpace::None
         };
-        Ok(Self {
-            multigrid: Amg::new(&matrix, AmgSettings::default())?,
+        Ok(Self::Multigrid(Box::new(Multigrid {
+            cycle: Amg::new(&matrix, AmgSettings::default())?,
             matrix,
             null_space,
-        })
+        })))
+    }
+
+    /// x = A⁻¹ b, by multigrid to [`INNER`].
+    fn solve(
+        &mut self,
+        krylov: &mut ConjugateGradients<f64>,
+        rhs: &[f64],
+        x: &mut [f64],
+    ) -> Result<(), SolveError> {
+        match self {
+            Self::Direct(direct) => direct.solve(rhs, x),
+            Self::Multigrid(multigrid) => {
+                let Multigrid {
+                    matrix,
+                    cycle,
+                    null_space,
+                } = &mut **multigrid;
+                x.fill(0.0);
+                krylov.solve(matrix, cycle, rhs, x, &INNER, *null_space)?;
+            }
+        }
+        Ok(())
     }
 }
 
@@ -52,11 +91,13 @@ pub(super) struct BlockPreconditioner {
     fixed: Vec<Vec<bool>>,
     solver: [usize; 3],
     /// V (s/ν − L) by kind of component.
-    viscous: Vec<Scalar>,
+    viscous: Vec<Inverse>,
     /// −V L for the pressure; needed in time-dependent flow.
-    poisson: Option<Scalar>,
+    poisson: Option<Inverse>,
     /// s that `viscous` was built for.
     rate: f64,
+    /// Direct solves are wanted where they are possible.
+    directly: bool,
     krylov: ConjugateGradients<f64>,
     /// Owned and total.
     rhs: Vec<f64>,
@@ -64,7 +105,7 @@ pub(super) struct BlockPreconditioner {
 }
 
 impl BlockPreconditioner {
-    pub fn new(mesh: &LocalMesh, boundary: &Boundary) -> Self {
+    pub fn new(mesh: &LocalMesh, boundary: &Boundary, directly: bool) -> Self {
         let mut masks: [Vec<bool>; 3] = std::array::from_fn(|_| boundary.velocity_fixed.clone());
         let mut marks = vec![0u8; mesh.total()];
         for constraint in &boundary.constraints {
@@ -96,6 +137,7 @@ impl BlockPreconditioner {
             viscous: Vec::new(),
             poisson: None,
             rate: f64::NAN,
+            directly,
             krylov: ConjugateGradients::new(),
             rhs: vec![0.0; mesh.owned()],
             answer: vec![0.0; mesh.total()],
@@ -111,25 +153,18 @@ impl BlockPreconditioner {
         (rate, viscosity): (f64, f64),
     ) -> Result<(), SolveError> {
         if rate != self.rate {
-            let shift: Vec<f64> = operators
-                .volumes()
-                .iter()
-                .map(|v| rate / viscosity * v)
-                .collect();
             self.viscous.clear();
             for fixed in &self.fixed {
-                self.viscous
-                    .push(Scalar::new(mesh, operators, fixed, Some(&shift))?);
+                let mass = rate / viscosity;
+                let inverse = Inverse::new(mesh, operators, fixed, mass, self.directly)?;
+                self.viscous.push(inverse);
             }
             self.rate = rate;
         }
         if rate > 0.0 && self.poisson.is_none() {
-            self.poisson = Some(Scalar::new(
-                mesh,
-                operators,
-                &boundary.pressure_fixed,
-                None,
-            )?);
+            let fixed = &boundary.pressure_fixed;
+            let inverse = Inverse::new(mesh, operators, fixed, 0.0, self.directly)?;
+            self.poisson = Some(inverse);
         }
         Ok(())
     }
@@ -146,16 +181,8 @@ impl BlockPreconditioner {
         let volumes = operators.volumes();
         for c in 0..3 {
             rows::each(&mut self.rhs, |i, rhs| *rhs = r[i][c] / viscosity);
-            self.answer.fill(0.0);
-            let scalar = &mut self.viscous[self.solver[c]];
-            self.krylov.solve(
-                &scalar.matrix,
-                &mut scalar.multigrid,
-                &self.rhs,
-                &mut self.answer,
-                &INNER,
-                scalar.null_space,
-            )?;
+            let inverse = &mut self.viscous[self.solver[c]];
+            inverse.solve(&mut self.krylov, &self.rhs, &mut self.answer)?;
             let answer = &self.answer;
             rows::each(&mut z[..r.len()], |i, z| z[c] = answer[i]);
         }
@@ -173,17 +200,9 @@ impl BlockPreconditioner {
             z[3] = viscosity / volumes[i] * rhs[i]
         });
         if rate > 0.0
-            && let Some(scalar) = &mut self.poisson
+            && let Some(inverse) = &mut self.poisson
         {
-            self.answer.fill(0.0);
-            self.krylov.solve(
-                &scalar.matrix,
-                &mut scalar.multigrid,
-                &self.rhs,
-                &mut self.answer,
-                &INNER,
-                scalar.null_space,
-            )?;
+            inverse.solve(&mut self.krylov, &self.rhs, &mut self.answer)?;
             let answer = &self.answer;
             rows::each(&mut z[..r.len()], |i, z| z[3] += rate * answer[i]);
         }
