@@ -14,7 +14,7 @@ import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 TARGET = pathlib.Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
-PROGRAM = TARGET / "release" / "fibreflow"
+PROGRAM = pathlib.Path(os.environ.get("FIBREFLOW", TARGET / "release" / "fibreflow"))
 STREAM = TARGET / "release" / "examples" / "stream"
 # Set by the scripts where the build has no MPI: ranks then become threads.
 EMBEDDED = os.environ.get("FIBREFLOW_EMBEDDED") == "1"

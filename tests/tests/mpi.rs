@@ -42,6 +42,7 @@ mpi_checks! {
     transfer_agrees_on_any_ranks,
     coupled_ranks_agree,
     crowded_fibres_are_handed_out,
+    no_segment_is_lost_in_crossings,
     multigrid_ranks_agree,
     direct_solver_ranks_agree,
     a_moved_node_is_seen_by_all,

@@ -44,6 +44,21 @@ fn corrected_mass_does_not_depend_on_the_ranks() {
     }
 }
 
+/// Laminar, so that differences do not grow by themselves: 1,000 steps in which every fibre passes the box, and with it the
+/// ranks, many times.
+#[test]
+fn trajectories_through_rank_and_periodic_boundaries_do_not_depend_on_the_ranks() {
+    let set = [
+        "--steps=1000",
+        "--set=fluid.viscosity=0.5",
+        "--set=fluid.initial.intensity=0.02",
+        "--set=fibres.0.placement.count=30",
+        "--set=contact.friction=0",
+        "--set=output.checkpoint.every=1000",
+    ];
+    compare(&set, 8 * 11 * 6);
+}
+
 fn compare(arguments: &[&str], nodes: usize) {
     let bench = Bench::new(
         env!("CARGO_BIN_EXE_program"),

@@ -2,7 +2,10 @@
 
 use super::{Outcome, ensure};
 use fibreflow_coupling::{Coupling, FibreLoad, Kernel, SpreadReport};
-use fibreflow_fibre::{Ambient, Reaction};
+use fibreflow_fibre::hydrodynamics::{DragModel, FluidProperties, TorqueModel};
+use fibreflow_fibre::{
+    Ambient, Fibre, FibreSettings, FibreSystem, Hydrodynamics, Material, Points, Reaction,
+};
 use fibreflow_mesh::{BoxElement, BoxMesh};
 use fibreflow_mesh::{LocalMesh, distribute, geometry};
 use fibreflow_parallel::Communicator;
@@ -221,5 +224,113 @@ pub fn crowded_fibres_are_handed_out(communicator: &Communicator) -> Outcome {
     }
     ensure(owners[0] == owners[1], || {
         "owners depend on who asks".into()
+    })
+}
+
+/// A tenth of what `examples/crossings.rs` does by itself.
+pub fn no_segment_is_lost_in_crossings(communicator: &Communicator) -> Outcome {
+    crossings(communicator, 110, 1e5)
+}
+
+/// Straight flights of fibres through periodic and rank boundaries, in every direction, handed to the rank that holds their middle after
+/// every one: that many segments change rank or period, none is lost, and all end where they should. Collective.
+///
+/// # Errors
+/// A lost segment, a fibre elsewhere, too few crossings.
+pub fn crossings(communicator: &Communicator, flights: usize, wanted: f64) -> Outcome {
+    const FIBRES: u64 = 150;
+    const SEGMENTS: usize = 8;
+    let cube = BoxMesh {
+        cells: [4; 3],
+        periodic: [true; 3],
+        element: BoxElement::Tetrahedron,
+        ..BoxMesh::default()
+    };
+    let mesh = communicator.is_root().then(|| cube.build()).transpose()?;
+    let mesh = Arc::new(distribute(communicator, mesh)?);
+    let geometry = Arc::new(geometry::dual(&mesh)?);
+    let no_slip = vec![false; mesh.owned()];
+    let velocity = vec![[0.0; 4]; mesh.total()];
+    let mut coupling = Coupling::with_kernel(mesh, geometry, no_slip, Kernel::Element)?;
+    let (size, rank) = (communicator.size() as u64, communicator.rank() as u64);
+    let own = (0..FIBRES).filter(|id| id % size == rank);
+    let settings = FibreSettings {
+        hydrodynamics: Some(Hydrodynamics {
+            fluid: FluidProperties {
+                density: 1.0,
+                viscosity: 1.0,
+            },
+            drag: DragModel::None,
+            torque: TorqueModel::None,
+            point_spacing: f64::INFINITY,
+        }),
+        ..FibreSettings::default()
+    };
+    let flight = |id: u64| {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(id);
+        let mut random = || V3::from_fn(|_, _| rng.random_range(-1.0..1.0));
+        let (middle, half) = (V3::repeat(0.5) + 0.5 * random(), 0.2 * random().normalize());
+        (middle, half, 0.9 * random())
+    };
+    let fibre = |id: u64| {
+        let (middle, half, _) = flight(id);
+        // So soft that a flight is one sub-step.
+        let material = Material::new(0.01, 1e-12, 0.3, 1.0);
+        Fibre::straight(id, material, middle - half, middle + half, SEGMENTS)
+    };
+    let mut fibres = FibreSystem::new(communicator.clone(), settings, own.map(fibre).collect())?;
+    let nodes = fibres.offsets().to_vec();
+    for f in 0..fibres.fibres() {
+        let (_, _, velocity) = flight(fibres.id(f));
+        fibres.velocities_mut()[nodes[f]..nodes[f + 1]].fill(velocity);
+    }
+    let (mut points, mut ambient) = (Points::default(), Ambient::default());
+    let mut crossings = 0.0;
+    let mut known = std::collections::HashMap::new();
+    for step in 0..flights {
+        fibres.advance_free(1.0)?;
+        fibres.points(&mut points);
+        coupling.sample(&velocity, &points.position, &mut ambient)?;
+        // Where every segment is now: the rank that holds its first point, and its period.
+        let hosts: Vec<u32> = coupling.hosts().collect();
+        let mut moved = Vec::new();
+        for f in 0..fibres.fibres() {
+            for s in 0..SEGMENTS {
+                let p = 2 * (f * SEGMENTS + s);
+                let period = points.position[p].map(|x| x.floor() as i64);
+                moved.push((fibres.id(f) * SEGMENTS as u64 + s as u64, hosts[p], period));
+            }
+        }
+        let tells: Vec<[i64; 5]> = moved
+            .iter()
+            .map(|&(id, host, at)| [id as i64, host.into(), at.x, at.y, at.z])
+            .collect();
+        for [id, host, x, y, z] in communicator.all_gather(&tells).concat() {
+            let old = known.insert(id, (host, [x, y, z]));
+            crossings += f64::from(u8::from(old.is_some_and(|old| old != (host, [x, y, z]))));
+        }
+        let load = |f: usize| FibreLoad {
+            id: fibres.id(f),
+            load: SEGMENTS as f64,
+            middle_point: f * 2 * SEGMENTS + SEGMENTS,
+        };
+        let loads: Vec<FibreLoad> = (0..fibres.fibres()).map(load).collect();
+        let owners = coupling.points_owner(&loads);
+        fibres.migrate(&owners)?;
+        coupling.forget();
+        let count = communicator.sum(fibres.segments() as f64);
+        ensure(count == (FIBRES as usize * SEGMENTS) as f64, || {
+            format!("{count} segments after flight {step}")
+        })?;
+    }
+    for f in 0..fibres.fibres() {
+        let (middle, _, velocity) = flight(fibres.id(f));
+        let missed = (fibres.centre(f) - middle - velocity * flights as f64).norm();
+        ensure(missed < 1e-9, || {
+            format!("fibre {} missed its goal by {missed:e}", fibres.id(f))
+        })?;
+    }
+    ensure(crossings >= wanted, || {
+        format!("only {crossings} crossings")
     })
 }

@@ -7,7 +7,7 @@ use fibreflow_parallel::Communicator;
 
 mod contact;
 mod coupled;
-mod coupling;
+pub mod coupling;
 mod direct;
 mod distribution;
 mod fibres;
@@ -68,6 +68,10 @@ pub const CHECKS: &[(&str, Check)] = &[
     (
         "crowded_fibres_are_handed_out",
         coupling::crowded_fibres_are_handed_out,
+    ),
+    (
+        "no_segment_is_lost_in_crossings",
+        coupling::no_segment_is_lost_in_crossings,
     ),
     ("multigrid_ranks_agree", poisson::ranks_agree),
     ("direct_solver_ranks_agree", direct::ranks_agree),
