@@ -8,7 +8,7 @@ use crate::rendezvous::{Query, Reply, UNKNOWN};
 use crate::spread::Sums;
 use bytemuck::{Pod, Zeroable};
 use fibreflow_fibre::{Ambient, Reaction};
-use fibreflow_mesh::{LocalMesh, shape};
+use fibreflow_mesh::LocalMesh;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
@@ -100,30 +100,40 @@ fn interpolate(
     location: &Location,
 ) -> Reply {
     let element = location.element as usize;
-    let kind = mesh.elements.kinds[element];
-    let weights = shape::physical(kind, &locator.coordinates(element), location.reference);
-    let mut reply = Reply::at(mesh, location);
-    for (v, &node) in mesh.elements.nodes(element).iter().enumerate() {
-        let nodal = fields.velocity[node as usize];
-        for i in 0..3 {
-            reply.value[i] += weights.n[v] * nodal[i];
-            for j in 0..3 {
-                reply.gradient[i][j] += nodal[i] * weights.gradient[v][j];
-            }
-        }
-        if let Some(change) = fields.change {
-            let nodal = change[node as usize];
-            (0..3).for_each(|i| reply.change[i] += weights.n[v] * nodal[i]);
+    let weights = locator.weights(element, location.reference);
+    // Four lanes of which the last is not used.
+    let (mut value, mut change, mut along) = ([0.0; 4], [0.0; 4], [[0.0; 4]; 3]);
+    let nodes = mesh.elements.nodes(element);
+    for (v, &node) in nodes.iter().enumerate() {
+        let (n, gradient) = (weights.n[v], &weights.gradient[v]);
+        let nodal = &fields.velocity[node as usize];
+        for l in 0..4 {
+            value[l] += n * nodal[l];
+            along[0][l] += gradient[0] * nodal[l];
+            along[1][l] += gradient[1] * nodal[l];
+            along[2][l] += gradient[2] * nodal[l];
         }
     }
-    reply
+    if let Some(changes) = fields.change {
+        for (v, &node) in nodes.iter().enumerate() {
+            let nodal = &changes[node as usize];
+            (0..4).for_each(|l| change[l] += weights.n[v] * nodal[l]);
+        }
+    }
+    let three = |x: &[f64; 4]| [x[0], x[1], x[2]];
+    Reply {
+        value: three(&value),
+        gradient: std::array::from_fn(|i| along.map(|column| column[i])),
+        change: three(&change),
+        ..Reply::at(mesh, location)
+    }
 }
 
 fn nodal(locator: &Locator, mesh: &LocalMesh, load: &Load) -> Nodal {
     let element = load.element as usize;
     let kind = mesh.elements.kinds[element];
     let coordinates = locator.coordinates(element);
-    let weights = shape::physical(kind, &coordinates, load.reference);
+    let weights = locator.weights(element, load.reference);
     let (force, torque) = (Vector3::from(load.force), Vector3::from(load.torque));
     let back = load.shift.map(|s| -s);
     let mut nodal = [Vector3::zeros(); 8];

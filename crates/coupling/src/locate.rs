@@ -8,7 +8,8 @@ use crate::adjacency::{Adjacency, stepped};
 use crate::boxes::{Bins, Bounds};
 use crate::closest;
 use crate::lattice::{Lattice, Shift};
-use fibreflow_mesh::{LocalMesh, shape};
+use fibreflow_mesh::shape::{self, Weights};
+use fibreflow_mesh::{Affine, LocalMesh};
 use nalgebra::Vector3;
 use std::sync::Arc;
 
@@ -68,6 +69,8 @@ pub(crate) struct Locator {
     owned_bounds: Bounds,
     /// Typical size of an element \[m\].
     scale: f64,
+    /// Of the local elements with a linear map.
+    affine: Vec<Option<Affine>>,
 }
 
 impl Locator {
@@ -85,8 +88,10 @@ impl Locator {
         let mut lowest = Vector3::repeat(f64::INFINITY);
         let mut surface = Vec::new();
         let mut surface_boxes = Vec::new();
+        let mut affine = Vec::with_capacity(mesh.elements.len());
         for e in 0..mesh.elements.len() {
             let (x, kind) = vertices(e);
+            affine.push(Affine::of(kind, &x));
             let x = &x[..kind.vertices()];
             let around = Bounds::around(x);
             bounds.merge(&around);
@@ -116,6 +121,7 @@ impl Locator {
             bounds: bounds.inflated(1e-6 * scale),
             owned_bounds,
             scale,
+            affine,
             mesh,
         }
     }
@@ -149,12 +155,21 @@ impl Locator {
             .coordinates(element, &mesh.nodes, &mesh.periods)
     }
 
+    /// Shape functions and their gradients at a reference point of a local element.
+    pub fn weights(&self, element: usize, reference: [f64; 3]) -> Weights {
+        let kind = self.mesh.elements.kinds[element];
+        match &self.affine[element] {
+            Some(affine) => affine.weights(kind, reference),
+            None => shape::physical(kind, &self.coordinates(element), reference),
+        }
+    }
+
     /// Where a location is, in the frame of its point \[m\].
     pub fn place(&self, location: &Location) -> Vector3<f64> {
         let element = location.element as usize;
         let kind = self.mesh.elements.kinds[element];
         let coordinates = self.coordinates(element);
-        let weights = shape::physical(kind, &coordinates, location.reference);
+        let weights = self.weights(element, location.reference);
         let vertices = (0..kind.vertices()).map(|v| weights.n[v] * Vector3::from(coordinates[v]));
         let place = vertices.sum::<Vector3<f64>>();
         self.lattice.image(&place, location.shift.map(|s| -s))
@@ -163,7 +178,10 @@ impl Locator {
     fn contained(&self, point: &Vector3<f64>, element: usize, shift: Shift) -> Option<Candidate> {
         let kind = self.mesh.elements.kinds[element];
         let x = self.lattice.image(point, shift);
-        let reference = shape::locate(kind, &self.coordinates(element), x.into())?;
+        let reference = match &self.affine[element] {
+            Some(affine) => affine.locate(x.into()),
+            None => shape::locate(kind, &self.coordinates(element), x.into())?,
+        };
         shape::inside(kind, reference, INSIDE).then_some(Candidate {
             element,
             shift,

@@ -10,6 +10,8 @@ use fibreflow_parallel::Communicator;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
+/// Questions that one thread answers at least.
+const GRAIN: usize = 64;
 /// No element is known yet.
 pub(crate) const UNKNOWN: u32 = u32::MAX;
 
@@ -79,6 +81,18 @@ pub(crate) struct Placement {
     pub distance: f64,
 }
 
+impl Placement {
+    fn keep(&mut self, rank: u32, reply: &Reply) {
+        *self = Self {
+            rank,
+            element: reply.element,
+            shift: reply.shift,
+            reference: reply.reference,
+            distance: reply.distance,
+        };
+    }
+}
+
 /// Which ranks hold which part of space, and where each point of this rank was last.
 pub(crate) struct Rendezvous {
     communicator: Communicator,
@@ -126,15 +140,13 @@ impl Rendezvous {
                 .map(|k| (k, self.placements[k as usize].rank))
                 .collect(),
         };
-        let first = self.ask(points, &asked, &answer);
-        let mut replies: Vec<Reply> = Vec::with_capacity(points.len());
-        replies.extend(first.iter().map(|&(_, _, reply)| reply));
-        let open: Vec<u32> = (0..replies.len() as u32)
-            .filter(|&k| replies[k as usize].certain == 0)
-            .collect();
+        let mut replies = self.ask(points, &asked, &answer);
+        let uncertain = |k: &u32| replies[*k as usize].certain == 0;
+        let open: Vec<u32> = (0..replies.len() as u32).filter(uncertain).collect();
         let open_anywhere = self.agree(points, bad, !open.is_empty())?;
-        let hosts: Vec<u32> = asked.iter().map(|a| a.1).collect();
-        self.keep(&hosts, &replies);
+        for (place, reply) in self.placements.iter_mut().zip(&replies) {
+            place.keep(place.rank, reply);
+        }
         if open_anywhere && self.communicator.size() > 1 {
             self.ask_others(points, &open, &mut replies, &answer);
         }
@@ -180,15 +192,14 @@ impl Rendezvous {
                 .filter(|&r| r != host && self.distance(r, &points[k as usize]) <= reach);
             asked.extend(near.map(|r| (k, r)));
         }
-        let mut hosts: Vec<u32> = self.placements.iter().map(|p| p.rank).collect();
-        for (k, rank, reply) in self.ask(points, &asked, answer) {
+        let answers = self.ask(points, &asked, answer);
+        for (&(k, rank), reply) in asked.iter().zip(answers) {
             let best = &mut replies[k as usize];
             if self.key(&reply) < self.key(best) {
                 *best = reply;
-                hosts[k as usize] = rank;
+                self.placements[k as usize].keep(rank, &reply);
             }
         }
-        self.keep(&hosts, replies);
     }
 
     /// Containing elements first, then nearer ones, then those listed earlier in the whole mesh.
@@ -197,52 +208,53 @@ impl Rendezvous {
         (reply.distance > 0.0, steps, reply.global_element)
     }
 
-    fn keep(&mut self, hosts: &[u32], replies: &[Reply]) {
-        let places = self.placements.iter_mut().zip(hosts.iter().zip(replies));
-        for (place, (&rank, reply)) in places {
-            *place = Placement {
-                rank,
-                element: reply.element,
-                shift: reply.shift,
-                reference: reply.reference,
-                distance: reply.distance,
-            };
-        }
-    }
-
-    /// Sends (point, rank) questions and returns (point, rank, answer), in the order asked for each rank.
+    /// Sends (point, rank) questions and returns the answers in their order. This rank's own are not sent.
     fn ask(
         &self,
         points: &[Vector3<f64>],
         asked: &[(u32, u32)],
         answer: &(impl Fn(&Query) -> Reply + Sync),
-    ) -> Vec<(u32, u32, Reply)> {
-        let mut outgoing = vec![Vec::new(); self.communicator.size()];
-        for &(k, rank) in asked {
+    ) -> Vec<Reply> {
+        let query = |k: u32, rank: u32| {
             let known = &self.placements[k as usize];
             let same = known.rank == rank;
-            outgoing[rank as usize].push(Query {
+            Query {
                 position: points[k as usize].into(),
                 shift: known.shift,
                 element: if same { known.element } else { UNKNOWN },
-            });
+            }
+        };
+        let own = self.communicator.rank() as u32;
+        let mut replies = vec![Reply::zeroed(); asked.len()];
+        let (slots, questions) = (replies.par_chunks_mut(GRAIN), asked.par_chunks(GRAIN));
+        slots.zip(questions).for_each(|(slots, questions)| {
+            for (slot, &(k, rank)) in slots.iter_mut().zip(questions) {
+                if rank == own {
+                    *slot = answer(&query(k, rank));
+                }
+            }
+        });
+        if self.communicator.size() == 1 {
+            return replies;
+        }
+        let mut outgoing = vec![Vec::new(); self.communicator.size()];
+        let others = || asked.iter().enumerate().filter(|(_, a)| a.1 != own);
+        for (_, &(k, rank)) in others() {
+            outgoing[rank as usize].push(query(k, rank));
         }
         let incoming = self.communicator.exchange(outgoing);
         let answers = incoming.into_iter();
         let answers = answers
-            .map(|queries| queries.par_iter().with_min_len(64).map(answer).collect())
+            .map(|queries| queries.par_iter().with_min_len(GRAIN).map(answer).collect())
             .collect();
         let answered: Vec<Vec<Reply>> = self.communicator.exchange(answers);
         let mut next = vec![0; answered.len()];
-        let mut take = |rank: u32| {
+        for (slot, &(_, rank)) in others() {
             let place = &mut next[rank as usize];
+            replies[slot] = answered[rank as usize][*place];
             *place += 1;
-            answered[rank as usize][*place - 1]
-        };
-        asked
-            .iter()
-            .map(|&(k, rank)| (k, rank, take(rank)))
-            .collect()
+        }
+        replies
     }
 
     /// The rank whose bounds are nearest, then whose centre is.

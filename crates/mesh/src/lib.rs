@@ -1,5 +1,6 @@
 //! Nodes, elements, median-dual geometry, generators, readers, quality.
 
+mod affine;
 mod blocks;
 mod distribute;
 mod error;
@@ -21,6 +22,7 @@ mod tensor;
 mod topology;
 mod validate;
 
+pub use affine::Affine;
 pub use distribute::{distribute, distribute_from, distribute_layers};
 pub use error::MeshError;
 pub use facets::facets;
