@@ -93,7 +93,7 @@ fn a_resumed_run_is_bitwise_the_same() {
     let mut stripped = saved;
     let nodes = 7;
     for record in &mut stripped.records {
-        record.words.truncate(19 + 20 * nodes + 10 * (nodes - 1));
+        record.words.truncate(20 + 20 * nodes + 10 * (nodes - 1));
     }
     let left: usize = stripped.records.iter().map(|r| r.words.len()).sum();
     assert!(left < friction);

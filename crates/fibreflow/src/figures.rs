@@ -41,6 +41,8 @@ pub struct Figures {
 pub struct Timings {
     /// Velocity and gradient at the fibres.
     pub sample: f64,
+    /// What the fibres do to the flow themselves.
+    pub disturbance: f64,
     /// Motion of the fibres.
     pub fibres: f64,
     /// Forces on the fluid.

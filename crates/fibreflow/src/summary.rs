@@ -93,6 +93,10 @@ pub struct CouplingSummary {
     /// Largest Δt β Σ w²/(ρV) of the last step: resistance by the inertia of the nodes that share it; null where forces
     /// are solved with the flow.
     pub loading: Option<f64>,
+    /// Wall time of sampling and spreading by segments and steps \[s\], without the disturbance.
+    pub seconds_per_segment_step: Option<f64>,
+    /// The same by that of the fluid.
+    pub share_of_fluid: Option<f64>,
     /// Solves of the flow with other forces, mean over the steps; null in the staggered scheme.
     pub rounds_mean: Option<f64>,
     /// The most of any step.
@@ -118,8 +122,15 @@ pub fn of(
     let communicator = &scene.communicator;
     let slowest = |seconds: f64| communicator.max(seconds);
     let t = &totals.timings;
+    let correcting = scene.flow.correcting();
+    let inside = if scene.flow.iterates() {
+        0.0
+    } else {
+        correcting
+    };
     let timings = Timings {
-        sample: slowest(t.sample),
+        sample: slowest(t.sample - inside),
+        disturbance: slowest(correcting),
         fibres: slowest(t.fibres),
         spread: slowest(t.spread),
         fluid: slowest(t.fluid),
@@ -153,6 +164,8 @@ pub fn of(
             substeps_mean: mean(totals.substeps),
         }
     });
+    let transfer = timings.sample + timings.spread;
+    let segments = fibres.as_ref().map_or(0, |fibres| fibres.segments);
     let spread = steps > 0.0 && scene.two_way();
     let iterated = spread && scene.flow.iterates();
     Summary {
@@ -174,6 +187,9 @@ pub fn of(
             explicit_drag_step: Some(totals.coupling[0])
                 .filter(|step| *step > 0.0 && step.is_finite()),
             loading: (spread && !iterated).then_some(totals.coupling[1]),
+            seconds_per_segment_step: each(transfer, segments, steps)
+                .filter(|_| scene.flow.fluid().is_some()),
+            share_of_fluid: (timings.fluid > 0.0).then(|| transfer / timings.fluid),
             rounds_mean: mean(totals.rounds[0]).filter(|_| iterated),
             rounds_max: iterated.then_some(totals.rounds[1]),
             loose_steps: iterated.then_some(totals.loose),
@@ -215,8 +231,8 @@ pub fn closing(summary: &Summary, stop: Stop) -> String {
     }];
     let t = &summary.timings;
     lines.push(format!(
-        "wall time by stage [s]: fluid {:.2}, fibres {:.2}, sample {:.2}, spread {:.2}, output {:.2}",
-        t.fluid, t.fibres, t.sample, t.spread, t.output
+        "wall time by stage [s]: fluid {:.2}, fibres {:.2}, sample {:.2}, disturbance {:.2}, spread {:.2}, output {:.2}",
+        t.fluid, t.fibres, t.sample, t.disturbance, t.spread, t.output
     ));
     if let Some(cost) = summary.fluid.seconds_per_node_step {
         let iterations = summary.fluid.poisson_iterations_mean.unwrap_or(0.0);
@@ -233,6 +249,14 @@ pub fn closing(summary: &Summary, stop: Stop) -> String {
         ));
     }
     let coupling = &summary.coupling;
+    if let (Some(cost), Some(share)) = (coupling.seconds_per_segment_step, coupling.share_of_fluid)
+    {
+        lines.push(format!(
+            "coupling: {:.1} ns a segment and step to sample and spread, {:.0} % of the fluid",
+            cost * 1e9,
+            share * 100.0
+        ));
+    }
     if let (Some(mean), Some(most), Some(gain)) =
         (coupling.rounds_mean, coupling.rounds_max, coupling.gain_max)
     {

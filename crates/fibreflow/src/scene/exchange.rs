@@ -3,6 +3,7 @@
 use super::mesh::SceneMesh;
 use crate::case::{self, Boundary, Case, Correction, CouplingMode, KernelKind, MeshSource, Scheme};
 use crate::error::ProgramError;
+use crate::figures::timed;
 use fibreflow_coupling::{Coupling, Kernel, PlaneWall, SpreadReport, Undisturbed, Wake};
 use fibreflow_fibre::{Ambient, FibreSystem, Points, Reaction};
 use fibreflow_fluid::{Fluid, Inertia};
@@ -83,6 +84,8 @@ pub struct Exchange {
     /// Body force that the case gives \[N/m³\], by owned node; empty without.
     pub forces: Vec<[f64; 4]>,
     before: Vec<[f64; 4]>,
+    /// Wall time of the disturbance so far \[s\]; in the staggered scheme a part of sampling.
+    pub correcting: f64,
 }
 
 impl Exchange {
@@ -136,6 +139,7 @@ impl Exchange {
             slope: Vec::new(),
             forces,
             before: Vec::new(),
+            correcting: 0.0,
         })
     }
 
@@ -202,9 +206,9 @@ impl Exchange {
         if self.two_way {
             self.estimate_response(fluid, fibres, points, ambient, dt)?;
         }
-        if let Some(undisturbed) = &self.undisturbed {
+        if self.undisturbed.is_some() {
             let [_, memory] = self.columns(fibres.carried());
-            undisturbed.correct(&fibres.point_offsets(), points, &memory, ambient);
+            self.correct(fibres, points, &memory, ambient);
         }
         ambient.travel.clear();
         for p in 0..points.position.len() {
@@ -216,6 +220,22 @@ impl Exchange {
             ambient.travel.push(travel);
         }
         Ok(())
+    }
+
+    /// Takes the own flow of the fibres away.
+    pub(super) fn correct(
+        &mut self,
+        fibres: &FibreSystem,
+        points: &Points,
+        memory: &[f64],
+        ambient: &mut Ambient,
+    ) {
+        if let Some(undisturbed) = &self.undisturbed {
+            let offsets = fibres.point_offsets();
+            timed(&mut self.correcting, || {
+                undisturbed.correct(&offsets, points, memory, ambient);
+            });
+        }
     }
 
     /// How the flow gives way to the forces of a step: by the inertia of the nodes that they share.

@@ -93,6 +93,11 @@ impl Flow {
         self.exchange().is_some_and(|e| e.scheme.iterated)
     }
 
+    /// Wall time on this rank for the flow that fibres make themselves \[s\].
+    pub fn correcting(&self) -> f64 {
+        self.exchange().map_or(0.0, |e| e.correcting)
+    }
+
     /// u and ∇u at every hydrodynamic point in a step of `dt` \[s\]: the adjoint of [`Flow::spread`]. Collective.
     ///
     /// # Errors

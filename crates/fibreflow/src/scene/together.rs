@@ -74,9 +74,7 @@ impl Exchange {
             self.coupling
                 .sample(fluid.velocity(), &points.position, &mut start)
         })?;
-        if let Some(undisturbed) = &self.undisturbed {
-            undisturbed.correct(&fibres.point_offsets(), points, &memory, &mut start);
-        }
+        self.correct(fibres, points, &memory, &mut start);
         let mut step = fluid.begin_step(dt)?;
         let (mut x, mut solver) = (guess, Anderson::new(DEPTH));
         let mut rounds = Rounds::default();
@@ -99,9 +97,7 @@ impl Exchange {
                     .sample(step.velocity(), &points.position, ambient)
             })?;
             let remembered = self.remembered(&memory, points, ambient, &given, dt);
-            if let Some(undisturbed) = &self.undisturbed {
-                undisturbed.correct(&fibres.point_offsets(), points, &remembered, ambient);
-            }
+            self.correct(fibres, points, &remembered, ambient);
             in_motion(points, ambient, (!steady).then_some(&start), dt);
             let taken = timed(&mut times.fibres, || {
                 if rounds.rounds > 0 {
