@@ -32,6 +32,12 @@ static COUNTING: Counting = Counting;
 
 #[test]
 fn a_step_after_warm_up_allocates_nothing() {
+    // Tasks handed to a pool from outside may allocate; tasks of its own do not.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    pool.expect("pool").install(steps);
+}
+
+fn steps() {
     for (inertia, element) in [
         (Inertia::Linear, BoxElement::Hexahedron),
         (Inertia::Steady, BoxElement::Tetrahedron),
@@ -49,8 +55,7 @@ fn a_step_after_warm_up_allocates_nothing() {
             },
             _ => BoundaryCondition::WALL,
         });
-        // As many as it takes for the most Krylov directions that a step wants.
-        for _ in 0..12 {
+        for _ in 0..4 {
             fluid.advance(0.05).expect("step");
         }
         for step in 0..3 {
