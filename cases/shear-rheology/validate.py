@@ -216,7 +216,7 @@ def main():
                 missed.append(f"{label}, {what}: {value:.5g}, wanted {wanted:.5g} within {100 * allowed:.0f} %")
     if found:
         table = pd.DataFrame([row for *_, row in found.values()])
-        table.to_csv(options.out / "members.csv", index=False, float_format="%.5g")
+        table.to_csv(options.out / "members.csv", index=False, float_format="%.7g")
         print(table.T.to_string())
         figure(found, options.out / "rheology.png")
     for line in missed:
