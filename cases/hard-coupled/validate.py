@@ -4,7 +4,6 @@ Prints and writes hard-coupled.csv: kinetic energies of fluid and fibres, segmen
 overlap, cost; for a run that stopped, its message.
 """
 
-import argparse
 import pathlib
 import sys
 import tempfile
@@ -82,31 +81,11 @@ def run(name, steps):
     }
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(CASES))
-    parser.add_argument("--steps", type=int, default=10000)
-    parser.add_argument("--quick", action="store_true", help="300 steps")
-    parser.add_argument("--out", type=pathlib.Path, default=harness.ROOT / "runs" / "validate" / "hard-coupled")
-    options = parser.parse_args()
-    options.out.mkdir(parents=True, exist_ok=True)
-    rows = []
-    for name in options.names or CASES:
-        row = run(name, 300 if options.quick else options.steps)
-        rows.append(row)
-        harness.write_csv(options.out / "hard-coupled.csv", rows)
-        if row["stopped"]:
-            print("  {case}: stopped after {steps} steps: {stopped}".format(**row), flush=True)
-        else:
-            print("  {case}: {steps} steps, energy of the fluid {fluid_energy_start:.2e} -> {fluid_energy_end:.2e}, at most {fluid_energy_largest:.2e}, of fibres "
-                  "{fibre_energy_end:.1e}, at most {fibre_energy_largest:.1e} J; {segments} segments, momentum missing {momentum_missing:.0e}, "
-                  "crossings {crossings}, {seconds:.0f} s".format(**row), flush=True)
-    (options.out / "machine.txt").write_text(harness.machine({}) + "\n")
-    stopped = [row["case"] for row in rows if row["stopped"]]
-    if stopped:
-        print(f"stopped: {', '.join(stopped)}")
-    return 1 if stopped else 0
-
+LINE = (
+    "{case}: {steps} steps, energy of the fluid {fluid_energy_start:.2e} -> {fluid_energy_end:.2e}, at most {fluid_energy_largest:.2e}, of fibres "
+    "{fibre_energy_end:.1e}, at most {fibre_energy_largest:.1e} J; {segments} segments, momentum missing {momentum_missing:.0e}, "
+    "crossings {crossings}, {seconds:.0f} s"
+)
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(harness.hard_cases(__doc__, CASES, run, LINE, "hard-coupled"))

@@ -3,7 +3,6 @@
 Prints and writes hard-fluid.csv: energies, divergence, largest speed, cost; for a run that stopped, its message.
 """
 
-import argparse
 import pathlib
 import sys
 import tempfile
@@ -69,30 +68,10 @@ def run(name, steps):
     }
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(CASES))
-    parser.add_argument("--steps", type=int, default=10000)
-    parser.add_argument("--quick", action="store_true", help="300 steps")
-    parser.add_argument("--out", type=pathlib.Path, default=harness.ROOT / "runs" / "validate" / "hard-fluid")
-    options = parser.parse_args()
-    options.out.mkdir(parents=True, exist_ok=True)
-    rows = []
-    for name in options.names or CASES:
-        row = run(name, 300 if options.quick else options.steps)
-        rows.append(row)
-        harness.write_csv(options.out / "hard-fluid.csv", rows)
-        if row["stopped"]:
-            print("  {case}: stopped after {steps} steps: {stopped}".format(**row), flush=True)
-        else:
-            print("  {case}: {steps} steps, energy {energy_start:.3e} -> {energy_end:.3e}, at most {energy_largest:.3e}, "
-                  "divergence {divergence_largest:.1e}/s, speed {speed_end:.2f}, {seconds:.0f} s".format(**row), flush=True)
-    (options.out / "machine.txt").write_text(harness.machine({}) + "\n")
-    stopped = [row["case"] for row in rows if row["stopped"]]
-    if stopped:
-        print(f"stopped: {', '.join(stopped)}")
-    return 1 if stopped else 0
-
+LINE = (
+    "{case}: {steps} steps, energy {energy_start:.3e} -> {energy_end:.3e}, at most {energy_largest:.3e}, "
+    "divergence {divergence_largest:.1e}/s, speed {speed_end:.2f}, {seconds:.0f} s"
+)
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(harness.hard_cases(__doc__, CASES, run, LINE, "hard-fluid"))

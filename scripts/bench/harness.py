@@ -3,6 +3,7 @@
 Options that a build does not know yet are refused by `fibreflow` with exit code 2; the benches then say so and go on.
 """
 
+import argparse
 import csv
 import datetime
 import json
@@ -14,6 +15,7 @@ import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 TARGET = pathlib.Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
+# FIBREFLOW in the environment is another build of the program.
 PROGRAM = pathlib.Path(os.environ.get("FIBREFLOW", TARGET / "release" / "fibreflow"))
 STREAM = TARGET / "release" / "examples" / "stream"
 # Set by the scripts where the build has no MPI: ranks then become threads.
@@ -62,6 +64,29 @@ def fibreflow(case, settings, ranks=1, steps=None, out=None):
             what = next((line for line in lines if "rror" in line), lines[-1] if lines else "no message")
             raise Refused(what.strip())
         return json.loads((out / "summary.json").read_text())
+
+
+def hard_cases(about, cases, run, line, name):
+    """Command line of a script of hard cases: `run(case, steps)` gives a row, `line` formats it. Writes name.csv; returns the exit code."""
+    parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(cases))
+    parser.add_argument("--steps", type=int, default=10000)
+    parser.add_argument("--quick", action="store_true", help="300 steps")
+    parser.add_argument("--out", type=pathlib.Path, default=ROOT / "runs" / "validate" / name)
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    rows = []
+    for case in options.names or cases:
+        row = run(case, 300 if options.quick else options.steps)
+        rows.append(row)
+        write_csv(options.out / f"{name}.csv", rows)
+        stop = "{case}: stopped after {steps} steps: {stopped}"
+        print("  " + (stop if row["stopped"] else line).format(**row), flush=True)
+    (options.out / "machine.txt").write_text(machine({}) + "\n")
+    stopped = [row["case"] for row in rows if row["stopped"]]
+    if stopped:
+        print(f"stopped: {', '.join(stopped)}")
+    return 1 if stopped else 0
 
 
 def attempt(label, function, *arguments, **named):
