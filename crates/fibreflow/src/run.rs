@@ -59,8 +59,9 @@ pub fn prepare(arguments: &RunArguments, communicator: &Communicator) -> Result<
     log.line(&banner(&case, communicator));
 
     let mut clock = Clock::new(&case.time, &case.output.schedules(), arguments.steps);
+    let mut arrays = Vec::new();
     if resumed {
-        resume(&mut scene, &mut clock, &folder, &mut log)?;
+        arrays = resume(&mut scene, &mut clock, &folder, &mut log)?;
     }
     let from = resumed.then_some(clock.step);
     let manifest = Manifest::new(communicator.size(), scene.mesh_checksum, from);
@@ -71,7 +72,8 @@ pub fn prepare(arguments: &RunArguments, communicator: &Communicator) -> Result<
     for line in describe::describe(&scene, &case) {
         log.line(&line);
     }
-    let observers = Observers::new(&case, &folder, &scene, &clock, resumed, signal);
+    let kept = resumed.then_some(arrays.as_slice());
+    let observers = Observers::new(&case, &folder, &scene, &clock, kept, signal);
     Ok(Run {
         observers: agree(communicator, observers)?,
         case,
@@ -229,11 +231,18 @@ fn clear(folder: &Path, resume: bool, communicator: &Communicator) -> Result<(),
     }
     // Only what an earlier run has written goes away; what is absent is as good as removed.
     if folder.join("manifest.json").exists() {
-        for name in ["summary.json", "error.txt"] {
+        for name in ["summary.json", "statistics.json", "error.txt"] {
             let _ = std::fs::remove_file(folder.join(name));
         }
         if !resume {
-            for name in ["fluid", "fibres", "series", "checkpoint", "pictures"] {
+            for name in [
+                "fluid",
+                "fibres",
+                "series",
+                "profiles",
+                "checkpoint",
+                "pictures",
+            ] {
                 let _ = std::fs::remove_dir_all(folder.join(name));
             }
             for name in ["fluid.pvd", "fibres.pvd"] {
@@ -270,12 +279,13 @@ fn provenance(
     Ok(())
 }
 
+/// Scene and clock as the newest checkpoint has them; returns its lists that belong to no rank.
 fn resume(
     scene: &mut Scene,
     clock: &mut Clock,
     folder: &Path,
     log: &mut Log,
-) -> Result<(), ProgramError> {
+) -> Result<Vec<(String, Vec<f64>)>, ProgramError> {
     let nodes = scene.owned_nodes();
     let root = folder.join("checkpoint");
     let warn = |e: &CheckpointError| {
@@ -284,7 +294,8 @@ fn resume(
         }
     };
     let found = checkpoint::newest(&root, &nodes, &scene.communicator, warn);
-    let (snapshot, moved) = agree(&scene.communicator, found.map_err(ProgramError::input))?;
+    let (mut snapshot, moved) = agree(&scene.communicator, found.map_err(ProgramError::input))?;
+    let arrays = std::mem::take(&mut snapshot.arrays);
     let restored = restore(scene, clock, snapshot);
     agree(&scene.communicator, restored)?;
     let fibres = scene.fibres.as_ref().map_or(0, FibreSystem::fibres);
@@ -297,7 +308,7 @@ fn resume(
         "resumed at step {}, time {:.6e} s",
         clock.step, clock.time
     ));
-    Ok(())
+    Ok(arrays)
 }
 
 fn banner(case: &Case, communicator: &Communicator) -> String {

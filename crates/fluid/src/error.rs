@@ -83,6 +83,12 @@ pub enum FluidError {
         /// What is wrong with it.
         problem: String,
     },
+    /// Averages that the mesh does not allow.
+    #[error("statistics: {problem}")]
+    Statistics {
+        /// What is in the way.
+        problem: String,
+    },
     /// A linear solve failed.
     #[error("{equation} equation: {source}")]
     Solve {

@@ -20,6 +20,7 @@ mod project;
 mod rows;
 mod settings;
 mod state;
+mod statistics;
 mod sub_steps;
 
 pub use boundary::{BoundaryCondition, Signal, TimeTable, VelocityProfile};
@@ -35,3 +36,6 @@ pub use settings::{
     Diffusion, FluidSettings, Forcing, Inertia, Kernels, Mass, PressurePreconditioner, Projections,
 };
 pub use state::FluidState;
+pub use statistics::{
+    Averaging, Column, Friction, LineSpectrum, Statistics, StatisticsReport, StatisticsSettings,
+};

@@ -22,6 +22,7 @@ mod observables;
 mod population;
 mod run;
 mod schema;
+mod statistics;
 mod validate;
 
 pub use boundary::{Boundary, Factor, Profile};
@@ -45,6 +46,7 @@ pub use observables::Observables;
 pub use population::{Axis, Orbits, Orientation, Quantity, Region, Shortfall, Spread};
 pub use run::{Exact, Output, Schedule, Time};
 pub use schema::json_schema;
+pub use statistics::{Average, Statistics};
 pub use validate::{validate_domain, validate_patches};
 
 use schemars::JsonSchema;

@@ -1,6 +1,6 @@
 //! Time, output, exact answers.
 
-use super::{Loads, Observables};
+use super::{Loads, Observables, Statistics};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -41,6 +41,9 @@ pub struct Output {
     /// Statistics of directions and shapes of the fibres, in `series/orientation.csv` and `series/shape.csv`. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub observables: Option<Observables>,
+    /// Averages of the flow over time and over planes or rings. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub statistics: Option<Statistics>,
     /// Fibres, by number from 0, of which a series is kept: middle, ends, end-to-end vector.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub track: Vec<u64>,
@@ -61,6 +64,7 @@ impl Default for Output {
             checkpoint: Schedule::default(),
             loads: None,
             observables: None,
+            statistics: None,
             track: Vec::new(),
             wall_time_limit: None,
         }
@@ -69,16 +73,18 @@ impl Default for Output {
 
 impl Output {
     /// Everything that is done from time to time.
-    pub fn schedules(&self) -> [Schedule; 5] {
+    pub fn schedules(&self) -> [Schedule; 6] {
         let loads = self.loads.as_ref().map(|l| l.schedule(&self.series));
         let observables = self.observables.as_ref();
         let observables = observables.map(|o| o.schedule(&self.series));
+        let statistics = self.statistics.as_ref().map(Statistics::schedule);
         [
             self.vtk.clone(),
             self.series.clone(),
             self.checkpoint.clone(),
             loads.unwrap_or_default(),
             observables.unwrap_or_default(),
+            statistics.unwrap_or_default(),
         ]
     }
 }

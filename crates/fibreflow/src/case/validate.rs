@@ -1,9 +1,9 @@
 //! Rules that no schema can say: which keys go together, what must fit into what.
 
 use super::{
-    Case, CaseError, Clamp, ContactWall, Correction, CouplingMode, Document, DragLaw, Exact,
-    Forcing, Initial, KernelKind, Kinematics, MeshSource, Observables, Placement, Region, Schedule,
-    Scheme, SlenderBody, Spheroid, TorqueLaw, schema,
+    Average, Axis, Case, CaseError, Clamp, ContactWall, Correction, CouplingMode, Document,
+    DragLaw, Exact, Forcing, Initial, KernelKind, Kinematics, MeshSource, Observables, Placement,
+    Region, Schedule, Scheme, SlenderBody, Spheroid, TorqueLaw, schema,
 };
 
 type Checked = Result<(), Box<CaseError>>;
@@ -25,6 +25,7 @@ pub(super) fn validate(case: &Case, document: &Document) -> Checked {
         check_schedule(name, schedule, document)?;
     }
     check_loads(case, document)?;
+    check_statistics(case, document)?;
     check_observables(case, document)?;
     check_contact(case, document)?;
     check_coupling(case, document)?;
@@ -196,6 +197,46 @@ fn check_loads(case: &Case, document: &Document) -> Checked {
             let error = document.value_error(&path, format!("`{path}` is zero"));
             return Err(error.with_help("a direction, as in [1, 0, 0]"));
         }
+    }
+    Ok(())
+}
+
+fn check_statistics(case: &Case, document: &Document) -> Checked {
+    let Some(statistics) = &case.output.statistics else {
+        return Ok(());
+    };
+    if case.fluid.is_none() {
+        let message = "`output.statistics` needs a fluid on a mesh";
+        return Err(document.error("output.statistics", message));
+    }
+    let own = Schedule {
+        every: statistics.every,
+        interval: statistics.interval,
+    };
+    check_schedule("statistics", &own, document)?;
+    let (path, from, end) = ("output.statistics.from", statistics.from, case.time.end);
+    if from >= end {
+        let message = format!("`{path} = {from}` is not before `time.end = {end}`");
+        return Err(document.value_error(path, message));
+    }
+    let average = statistics.average;
+    if let Average::Planes { normal, flow, .. } = average
+        && normal == flow
+    {
+        let path = "output.statistics.average.flow";
+        let message = format!("`{path}` is the direction across the planes");
+        let help = "two different directions: `flow` along the planes, `normal` across them";
+        return Err(document.value_error(path, message).with_help(help));
+    }
+    let wrong = |&along: &Axis| match average {
+        Average::Planes { normal, .. } => along == normal,
+        Average::Rings { axis, .. } => along != axis,
+    };
+    if let Some(k) = statistics.spectra.iter().position(wrong) {
+        let path = format!("output.statistics.spectra[{k}]");
+        let message = format!("`{path}` goes across the planes or rings");
+        let help = "directions in planes, or that of the axis of rings";
+        return Err(document.value_error(&path, message).with_help(help));
     }
     Ok(())
 }

@@ -4,6 +4,8 @@ use super::{CheckpointError, NodeField, PairField, Records, Snapshot};
 use hdf5::types::VarLenUnicode;
 use std::path::Path;
 
+const ARRAYS: &str = "arrays";
+
 /// Bytes and checksum of a finished file, for the index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Seal {
@@ -87,6 +89,11 @@ fn write_hdf5(path: &Path, snapshot: &Snapshot) -> hdf5::Result<()> {
     for (name, value) in &snapshot.scalars {
         put_scalar(&scalars, name, *value)?;
     }
+    let arrays = file.create_group(ARRAYS)?;
+    for (k, (name, values)) in snapshot.arrays.iter().enumerate() {
+        let dataset = put(&arrays, &key(k), values)?;
+        put_name(&dataset, name)?;
+    }
     file.flush()
 }
 
@@ -123,6 +130,15 @@ fn read_hdf5(path: &Path) -> hdf5::Result<Option<Snapshot>> {
         let value = group.attr(&name)?.read_scalar::<f64>()?;
         scalars.push((name, value));
     }
+    let mut arrays = Vec::new();
+    // Checkpoints of versions without statistics have no such group.
+    if file.link_exists(ARRAYS) {
+        let group = file.group(ARRAYS)?;
+        for name in sorted_members(&group)? {
+            let dataset = group.dataset(&name)?;
+            arrays.push((name_of(&dataset)?, dataset.read_raw()?));
+        }
+    }
     let snapshot = Snapshot {
         nodes: nodes.dataset("global_index")?.read_raw()?,
         node_fields,
@@ -130,6 +146,7 @@ fn read_hdf5(path: &Path) -> hdf5::Result<Option<Snapshot>> {
         pair_fields,
         fibres: records,
         scalars,
+        arrays,
         step: file.attr("step")?.read_scalar()?,
     };
     Ok(fits(&snapshot).then_some(snapshot))

@@ -202,15 +202,36 @@ fn read(
     let one = |k: usize| file::read(&folder.join(format!("rank_{k:04}.h5")));
     let pieces: Result<Vec<Snapshot>, _> = share(communicator, files).map(one).collect();
     let mut pieces = agree(communicator, pieces)?;
+    let arrays = share_arrays(&mut pieces, communicator);
     let same = pieces.len() == 1 && pieces[0].nodes == nodes;
-    if files == communicator.size() && !communicator.any(!same) {
-        return Ok((pieces.swap_remove(0), false));
-    }
-    let path = folder.display().to_string();
-    Ok((
-        Snapshot::redistributed(pieces, nodes, communicator, &path)?,
-        true,
-    ))
+    let stays = files == communicator.size() && !communicator.any(!same);
+    let snapshot = if stays {
+        pieces.swap_remove(0)
+    } else {
+        let path = folder.display().to_string();
+        Snapshot::redistributed(pieces, nodes, communicator, &path)?
+    };
+    Ok((Snapshot { arrays, ..snapshot }, !stays))
+}
+
+/// Lists of the first file, which the first rank reads, on all ranks. Collective.
+fn share_arrays(pieces: &mut [Snapshot], communicator: &Communicator) -> Vec<(String, Vec<f64>)> {
+    let mine = pieces.first_mut().map(|p| std::mem::take(&mut p.arrays));
+    let mine = mine.unwrap_or_default();
+    let names: Vec<(&str, usize)> = mine.iter().map(|(n, v)| (n.as_str(), v.len())).collect();
+    let names = serde_json::to_vec(&names).unwrap_or_default();
+    let names = communicator.broadcast(0, names);
+    let words = mine.iter().flat_map(|(_, v)| v);
+    let words = words.flat_map(|v| v.to_le_bytes()).collect();
+    let words = communicator.broadcast(0, words);
+    let names: Vec<(String, usize)> = serde_json::from_slice(&names).unwrap_or_default();
+    let mut values = words
+        .chunks_exact(8)
+        .map(|w| f64::from_le_bytes(std::array::from_fn(|k| w[k])));
+    let shared = names.into_iter();
+    shared
+        .map(|(name, length)| (name, values.by_ref().take(length).collect()))
+        .collect()
 }
 
 /// The result, or an error on every rank when any has one. Collective.
@@ -244,6 +265,10 @@ mod tests {
         let folder = tempfile::tempdir().expect("folder");
         let (root, c) = (folder.path(), Communicator::single());
         let mut state = snapshot(0..20);
+        state.arrays = vec![
+            ("sums".into(), vec![0.1, -2.0, 1.0 / 3.0]),
+            ("none".into(), vec![]),
+        ];
         for step in [10, 20, 30] {
             state.step = step;
             write(root, &state, &c).expect("written");
@@ -254,7 +279,7 @@ mod tests {
         let mut backwards = state.nodes.clone();
         backwards.reverse();
         let (read, moved) = newest(root, &backwards, &c, |e| panic!("{e}")).expect("read");
-        assert!(moved);
+        assert!(moved && read.arrays == state.arrays);
         assert_eq!(read.node_fields[0].values[..3], [19.0, 0.1 * 19.0, -19.0]);
     }
 

@@ -49,6 +49,8 @@ pub struct Snapshot {
     pub fibres: Records,
     /// Named numbers, the same on every rank.
     pub scalars: Vec<(String, f64)>,
+    /// Named lists that belong to no rank; the first rank writes them, all get them back.
+    pub arrays: Vec<(String, Vec<f64>)>,
     /// Step, the same on every rank.
     pub step: u64,
 }

@@ -5,6 +5,7 @@ mod loads;
 mod progress;
 mod save;
 mod series;
+mod statistics;
 mod stress;
 mod vtk;
 
@@ -22,6 +23,7 @@ use fibres::FibreSeries;
 use loads::LoadSeries;
 use progress::Progress;
 use series::AllSeries;
+use statistics::StatisticsOutput;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -61,6 +63,7 @@ pub struct Observers {
     series: AllSeries,
     loads: Option<LoadSeries>,
     fibres: Option<FibreSeries>,
+    statistics: Option<StatisticsOutput>,
     vtk: VtkOutput,
     progress: Progress,
     signal: Arc<AtomicBool>,
@@ -71,7 +74,8 @@ pub struct Observers {
 }
 
 impl Observers {
-    /// Opens the files of a run in `folder`, to be stopped by `signal`; a run resumed at `clock` keeps what is there up to then. Collective.
+    /// Opens the files of a run in `folder`, to be stopped by `signal`; a run resumed at `clock` keeps what is there up
+    /// to then, and has the lists `kept` of its checkpoint. Collective.
     ///
     /// # Errors
     /// Files that cannot be written.
@@ -80,14 +84,16 @@ impl Observers {
         folder: &Path,
         scene: &Scene,
         clock: &Clock,
-        resumed: bool,
+        kept: Option<&[(String, Vec<f64>)]>,
         signal: Arc<AtomicBool>,
     ) -> Result<Self, ProgramError> {
+        let resumed = kept.is_some();
         Ok(Self {
             output: case.output.clone(),
             series: AllSeries::open(case, folder, scene, resumed.then_some(clock.step))?,
             loads: LoadSeries::open(case, folder, scene, resumed.then_some(clock.step))?,
             fibres: FibreSeries::open(case, folder, scene, resumed.then_some(clock.step))?,
+            statistics: StatisticsOutput::open(case, folder, scene, clock, kept)?,
             vtk: VtkOutput::new(folder, scene, resumed.then_some(clock.time))?,
             progress: Progress::new(clock),
             folder: folder.to_owned(),
@@ -139,6 +145,9 @@ impl Observers {
         }
         if let Some(fibres) = self.fibres.as_mut().filter(|f| f.is_due(clock)) {
             fibres.write(scene, clock)?;
+        }
+        if let Some(statistics) = self.statistics.as_mut().filter(|s| s.is_due(clock)) {
+            statistics.sample(scene, clock)?;
         }
         if clock.is_due(&self.output.vtk) {
             self.vtk.write(scene, clock)?;
@@ -196,7 +205,10 @@ impl Observers {
     fn flush(&mut self) -> Result<(), ProgramError> {
         self.series.flush()?;
         self.loads.as_mut().map_or(Ok(()), LoadSeries::flush)?;
-        self.fibres.as_mut().map_or(Ok(()), FibreSeries::flush)
+        self.fibres.as_mut().map_or(Ok(()), FibreSeries::flush)?;
+        self.statistics
+            .as_mut()
+            .map_or(Ok(()), StatisticsOutput::flush)
     }
 
     fn save(&mut self, scene: &Scene, clock: &Clock, log: &mut Log) -> Result<(), ProgramError> {
@@ -206,7 +218,12 @@ impl Observers {
         // A resumed series must not miss what came before the checkpoint.
         self.flush()?;
         let root = self.folder.join("checkpoint");
-        checkpoint::write(&root, &snapshot(scene, clock), &scene.communicator)?;
+        let mut state = snapshot(scene, clock);
+        if let Some(statistics) = &mut self.statistics {
+            statistics.write(scene)?;
+            state.arrays = statistics.state(scene);
+        }
+        checkpoint::write(&root, &state, &scene.communicator)?;
         self.last_checkpoint = Some(clock.step);
         log.note(&format!("checkpoint at step {}", clock.step));
         Ok(())

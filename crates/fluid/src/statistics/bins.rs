@@ -1,0 +1,244 @@
+//! Which nodes are averaged together, and along which directions velocities are taken there.
+
+use super::Averaging;
+use crate::settings::dot;
+use crate::{Fluid, FluidError};
+use fibreflow_mesh::LocalMesh;
+use fibreflow_parallel::Communicator;
+
+/// Positions closer than this share of the extent are one.
+const SAME: f64 = 1e-6;
+
+/// Distinct positions beyond which averages mean nothing: the mesh has no planes or rings.
+const MOST: usize = 1 << 16;
+
+/// Rings with fewer nodes than this share of the fullest one are joined with the next.
+const FULL: f64 = 0.25;
+
+/// Nodes in planes or rings.
+#[derive(Clone, Debug)]
+pub(super) struct Bins {
+    /// Bin of every owned node.
+    pub of: Vec<u32>,
+    /// Position of every bin \[m\]: along the normal, from the nearer side, or the radius; mean over its volume.
+    pub positions: Vec<f64>,
+    /// Volume of every bin on all ranks \[m³\].
+    pub volumes: Vec<f64>,
+    /// Half the extent of symmetric planes, else the extent; the radius of the outermost ring \[m\].
+    pub extent: f64,
+    frame: Frame,
+}
+
+/// Directions (1: of the flow, 2: across bins, 3: the rest) by place.
+#[derive(Clone, Copy, Debug)]
+enum Frame {
+    /// Axes; beyond `middle` the second direction is turned round.
+    Planes { axes: [usize; 3], middle: f64 },
+    /// Axis of the flow, and a point on it \[m\].
+    Rings { axis: usize, centre: [f64; 3] },
+}
+
+impl Frame {
+    fn new(averaging: &Averaging, low: [f64; 3], high: [f64; 3]) -> Self {
+        match *averaging {
+            Averaging::Planes {
+                normal,
+                flow,
+                symmetric,
+            } => Self::Planes {
+                axes: [flow, normal, 3 - flow - normal],
+                middle: if symmetric {
+                    0.5 * (low[normal] + high[normal])
+                } else {
+                    f64::INFINITY
+                },
+            },
+            Averaging::Rings { axis, centre } => Self::Rings { axis, centre },
+        }
+    }
+
+    /// Directions at a place.
+    fn directions(&self, x: [f64; 3]) -> [[f64; 3]; 3] {
+        let unit = |c: usize, size: f64| std::array::from_fn(|k| if k == c { size } else { 0.0 });
+        match *self {
+            Self::Planes { axes, middle } => {
+                let sign = if x[axes[1]] > middle { -1.0 } else { 1.0 };
+                [unit(axes[0], 1.0), unit(axes[1], sign), unit(axes[2], 1.0)]
+            }
+            Self::Rings { axis, centre } => {
+                let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
+                let (p, q) = (x[b] - centre[b], x[c] - centre[c]);
+                let radius = p.hypot(q);
+                let (cos, sin) = if radius > 0.0 {
+                    (p / radius, q / radius)
+                } else {
+                    (1.0, 0.0)
+                };
+                let (mut radial, mut around) = ([0.0; 3], [0.0; 3]);
+                (radial[b], radial[c]) = (cos, sin);
+                (around[b], around[c]) = (-sin, cos);
+                [unit(axis, 1.0), radial, around]
+            }
+        }
+    }
+}
+
+impl Bins {
+    /// Collective; the same bins on every rank.
+    pub fn new(fluid: &Fluid, averaging: &Averaging) -> Result<Self, FluidError> {
+        let mesh = fluid.mesh();
+        let communicator = mesh.halo.communicator();
+        let (low, high) = bounds(mesh);
+        let frame = Frame::new(averaging, low, high);
+        let rings = matches!(averaging, Averaging::Rings { .. });
+        let position = |x: [f64; 3]| match frame {
+            Frame::Planes { axes, middle } if middle.is_finite() => {
+                (x[axes[1]] - low[axes[1]]).min(high[axes[1]] - x[axes[1]])
+            }
+            Frame::Planes { axes, .. } => x[axes[1]],
+            Frame::Rings { axis, centre } => {
+                let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
+                (x[b] - centre[b]).hypot(x[c] - centre[c])
+            }
+        };
+        let owned: Vec<f64> = (mesh.nodes[..mesh.owned()].iter())
+            .map(|&x| position(x))
+            .collect();
+        let widest = (0..3).map(|c| high[c] - low[c]).fold(0.0, f64::max);
+        let starts = starts(&owned, SAME * widest, rings, communicator)?;
+        let of: Vec<u32> = owned
+            .iter()
+            .map(|&p| starts.partition_point(|&s| s <= p).saturating_sub(1) as u32)
+            .collect();
+        let count = starts.len();
+        let mut sums = vec![0.0; 2 * count];
+        for ((&bin, &p), v) in of.iter().zip(&owned).zip(fluid.operators.volumes()) {
+            sums[bin as usize] += v;
+            sums[count + bin as usize] += v * p;
+        }
+        communicator.sum_slice(&mut sums);
+        let (volumes, weighted) = sums.split_at(count);
+        let largest = communicator.max(owned.iter().copied().fold(f64::NEG_INFINITY, f64::max));
+        Ok(Self {
+            positions: weighted.iter().zip(volumes).map(|(w, v)| w / v).collect(),
+            volumes: volumes.to_vec(),
+            extent: match frame {
+                Frame::Planes { axes, middle } if !middle.is_finite() => {
+                    high[axes[1]] - low[axes[1]]
+                }
+                _ => largest,
+            },
+            of,
+            frame,
+        })
+    }
+
+    pub fn len(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// Components of a vector along the directions at a place.
+    pub fn local(&self, x: [f64; 3], v: [f64; 3]) -> [f64; 3] {
+        match self.frame {
+            Frame::Planes { axes, middle } => {
+                let sign = if x[axes[1]] > middle { -1.0 } else { 1.0 };
+                [v[axes[0]], sign * v[axes[1]], v[axes[2]]]
+            }
+            Frame::Rings { .. } => self.frame.directions(x).map(|d| dot(d, v)),
+        }
+    }
+
+    /// Along the flow.
+    pub fn along(&self, v: [f64; 3]) -> f64 {
+        match self.frame {
+            Frame::Planes { axes, .. } => v[axes[0]],
+            Frame::Rings { axis, .. } => v[axis],
+        }
+    }
+
+    pub fn rings(&self) -> bool {
+        matches!(self.frame, Frame::Rings { .. })
+    }
+
+    /// The planes are counted from the nearer of two sides.
+    pub fn symmetric(&self) -> bool {
+        matches!(self.frame, Frame::Planes { middle, .. } if middle.is_finite())
+    }
+}
+
+/// Corners of the box around all nodes. Collective.
+fn bounds(mesh: &LocalMesh) -> ([f64; 3], [f64; 3]) {
+    let communicator = mesh.halo.communicator();
+    let owned = &mesh.nodes[..mesh.owned()];
+    let least = |c: usize| owned.iter().map(|x| x[c]).fold(f64::INFINITY, f64::min);
+    let most = |c: usize| owned.iter().map(|x| x[c]).fold(f64::NEG_INFINITY, f64::max);
+    (
+        [0, 1, 2].map(|c| communicator.min(least(c))),
+        [0, 1, 2].map(|c| communicator.max(most(c))),
+    )
+}
+
+/// Where bins start, ascending. Collective; does not depend on the ranks.
+fn starts(
+    positions: &[f64],
+    tolerance: f64,
+    join: bool,
+    communicator: &Communicator,
+) -> Result<Vec<f64>, FluidError> {
+    let mut sorted: Vec<[f64; 2]> = positions.iter().map(|&p| [p, 1.0]).collect();
+    let local = groups(&mut sorted, tolerance);
+    let too_many = |found: bool| {
+        let problem = format!(
+            "the mesh has more than {MOST} distinct positions across the planes or rings: averages need a mesh that is \
+             regular along the directions in which the flow is homogeneous"
+        );
+        if found {
+            Err(FluidError::Statistics { problem })
+        } else {
+            Ok(())
+        }
+    };
+    too_many(communicator.any(local.len() > MOST))?;
+    let mut all = communicator.all_gather(&local).concat();
+    let all = groups(&mut all, tolerance);
+    too_many(all.len() > MOST)?;
+    // A node lies above the start of its bin by less than the tolerance.
+    let start = |p: f64| p - 2.0 * tolerance;
+    if !join {
+        return Ok(all.iter().map(|g| start(g[0])).collect());
+    }
+    let least = FULL * all.iter().map(|g| g[1]).fold(0.0, f64::max);
+    let mut starts = Vec::new();
+    // From the wall inwards, so that the sparse rings are those around the axis.
+    let mut held = 0.0;
+    for group in all.iter().rev() {
+        held += group[1];
+        if held >= least {
+            starts.push(start(group[0]));
+            held = 0.0;
+        }
+    }
+    if held > 0.0 {
+        match starts.last_mut() {
+            Some(innermost) => *innermost = f64::NEG_INFINITY,
+            None => starts.push(f64::NEG_INFINITY),
+        }
+    }
+    starts.reverse();
+    Ok(starts)
+}
+
+/// Lowest position and number of nodes of every group of positions without gaps above the tolerance.
+fn groups(positions: &mut [[f64; 2]], tolerance: f64) -> Vec<[f64; 2]> {
+    positions.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]));
+    let mut groups: Vec<[f64; 2]> = Vec::new();
+    let mut last = f64::NEG_INFINITY;
+    for &[p, count] in positions.iter() {
+        match groups.last_mut() {
+            Some(group) if p - last <= tolerance => group[1] += count,
+            _ => groups.push([p, count]),
+        }
+        last = p;
+    }
+    groups
+}

@@ -1,0 +1,303 @@
+//! Averages of known fields: moments, spectra, errors, friction.
+
+mod common;
+
+use common::{fluid_in, fluid_on, of, ring, settings};
+use fibreflow_fluid::{
+    Averaging, BoundaryCondition, Fluid, FluidSettings, Forcing, Statistics, StatisticsReport,
+    StatisticsSettings,
+};
+use fibreflow_mesh::{BoxElement, BoxMesh};
+use std::f64::consts::{PI, TAU};
+
+const CHANNEL: Averaging = Averaging::Planes {
+    normal: 1,
+    flow: 0,
+    symmetric: true,
+};
+
+fn about(averaging: Averaging, spectra: &[usize]) -> StatisticsSettings {
+    StatisticsSettings {
+        averaging,
+        from: 0.0,
+        block: 1.0,
+        spectra: spectra.to_vec(),
+    }
+}
+
+fn channel(forcing: f64) -> Fluid {
+    let mesh = BoxMesh {
+        periodic: [true, false, true],
+        ..of(BoxElement::Hexahedron, [3.0, 2.0, 1.5], [12, 16, 8], 0.0)
+    };
+    let settings = FluidSettings {
+        forcing: Forcing::PressureGradient([forcing, 0.0, 0.0]),
+        ..settings(2.0, 0.5, 1e-12)
+    };
+    fluid_on(&mesh, settings, |_| BoundaryCondition::WALL)
+}
+
+fn column<'a>(report: &'a StatisticsReport, name: &str) -> (&'a [f64], &'a [f64]) {
+    let found = report.columns.iter().find(|c| c.name == name);
+    let column = found.expect("a column of this name");
+    (&column.values, &column.errors)
+}
+
+fn close(found: f64, wanted: f64, tolerance: f64, what: &str) {
+    assert!(
+        (found - wanted).abs() <= tolerance,
+        "{what}: {found}, {wanted}"
+    );
+}
+
+/// Streaks that do not change along x, and waves of w along x that do not change along z: both solenoidal.
+fn streaks(u_mean: f64, a: f64, b: f64) -> impl Fn([f64; 3]) -> [f64; 3] {
+    move |[x, y, z]| {
+        let shape = y * (2.0 - y);
+        let streak = a * (TAU * 3.0 * z / 1.5).sin();
+        let wave = b * (TAU * 3.0 * x / 3.0).cos();
+        [shape * (u_mean + streak), 0.0, shape * wave]
+    }
+}
+
+#[test]
+fn moments_and_spectra_of_waves_are_exact() {
+    let mut fluid = channel(0.0);
+    fluid.set_velocity(streaks(5.0, 0.4, 0.3)).expect("field");
+    let mut statistics = Statistics::new(&fluid, about(CHANNEL, &[0, 2])).expect("statistics");
+    statistics.sample(&fluid, 0.7);
+    let report = statistics.report(&fluid).expect("a sample");
+    assert_eq!((report.positions.len(), report.extent), (9, 1.0));
+    for (bin, &y) in report.positions.iter().enumerate() {
+        let shape = y * (2.0 - y);
+        let value = |name: &str| column(&report, name).0[bin];
+        close(value("u"), 5.0 * shape, 1e-12, "U");
+        close(value("uu"), 0.08 * shape * shape, 1e-12, "uu");
+        close(value("ww"), 0.045 * shape * shape, 1e-12, "ww");
+        close(value("vv") + value("uv").abs(), 0.0, 1e-12, "vv");
+        let flatness = if bin == 0 { 0.0 } else { 1.5 };
+        close(value("flatness_u"), flatness, 1e-8, "flatness");
+        close(value("skewness_w"), 0.0, 1e-8, "skewness");
+    }
+    for spectrum in &report.spectra {
+        let waves = spectrum.wavenumbers.len();
+        let step = spectrum.wavenumbers[1];
+        // Streaks are wave 3 along z and everything along x; the waves of w the other way round.
+        let (component, wave, square) = if spectrum.axis == 2 {
+            (0, 3, 0.08)
+        } else {
+            (2, 3, 0.045)
+        };
+        for (bin, &y) in report.positions.iter().enumerate() {
+            let shape = y * (2.0 - y);
+            for k in 0..waves {
+                let found = step * spectrum.spectra[component][bin * waves + k];
+                let wanted = if k == wave {
+                    square * shape * shape
+                } else {
+                    0.0
+                };
+                close(found, wanted, 1e-12, "spectrum");
+                let r = spectrum.separations[k];
+                let wanted = square * shape * shape * (spectrum.wavenumbers[wave] * r).cos();
+                let found = spectrum.correlations[component][bin * waves + k];
+                close(found, wanted, 1e-12, "correlation");
+            }
+        }
+    }
+}
+
+/// Two halves that mirror each other: v of the far half counts with the other sign.
+#[test]
+fn halves_of_a_channel_are_folded() {
+    let mut fluid = channel(0.0);
+    let vortex = |[_, y, z]: [f64; 3]| {
+        let (wave, angle) = (TAU / 1.5, TAU / 1.5 * z);
+        let (f, slope) = ((PI * y).sin().powi(2), PI * (TAU * y).sin());
+        [0.0, f * wave * angle.cos(), -slope * angle.sin()]
+    };
+    fluid.set_velocity(vortex).expect("field");
+    let both = |symmetric: bool| {
+        let planes = Averaging::Planes {
+            normal: 1,
+            flow: 0,
+            symmetric,
+        };
+        let mut statistics = Statistics::new(&fluid, about(planes, &[])).expect("statistics");
+        statistics.sample(&fluid, 1.0);
+        statistics.report(&fluid).expect("a sample")
+    };
+    let (folded, straight) = (both(true), both(false));
+    assert_eq!((folded.positions.len(), straight.positions.len()), (9, 17));
+    // ⟨v'w'⟩ is odd about the middle, but for z and −z that cancel: v² and the transport show the sign.
+    for bin in 0..8 {
+        for name in ["vv", "ww", "turbulent_transport"] {
+            let (f, s) = (column(&folded, name).0, column(&straight, name).0);
+            close(f[bin], 0.5 * (s[bin] + s[16 - bin]), 1e-9, name);
+        }
+    }
+}
+
+/// Blocks of two different flows: mean and jackknife error are those of two numbers; time counts, not the number of samples.
+#[test]
+fn errors_come_from_the_spread_of_blocks_of_time() {
+    let mut fluid = channel(0.0);
+    let mut statistics = Statistics::new(&fluid, about(CHANNEL, &[])).expect("statistics");
+    fluid
+        .set_velocity(streaks(3.0, 0.0, 0.0))
+        .expect("first flow");
+    statistics.sample(&fluid, 0.25);
+    statistics.sample(&fluid, 1.0);
+    fluid
+        .set_velocity(streaks(5.0, 0.0, 0.0))
+        .expect("second flow");
+    for k in 1..=4 {
+        statistics.sample(&fluid, 1.0 + 0.25 * f64::from(k));
+    }
+    let report = statistics.report(&fluid).expect("samples");
+    assert_eq!((report.samples, report.blocks), (6, (2, 1.0)));
+    let (values, errors) = column(&report, "u");
+    close(values[8], 4.0, 1e-12, "mean");
+    close(errors[8], 1.0, 1e-12, "error");
+    // Averaged over both flows the profile varies; within each it does not.
+    close(column(&report, "uu").0[8], 1.0, 1e-12, "variance");
+}
+
+/// More blocks than are kept: neighbours are joined and nothing is lost.
+#[test]
+fn long_runs_join_their_blocks() {
+    let mut fluid = channel(0.0);
+    fluid.set_velocity(streaks(1.0, 0.2, 0.1)).expect("flow");
+    let mut statistics = Statistics::new(&fluid, about(CHANNEL, &[])).expect("statistics");
+    for k in 1..=300 {
+        statistics.sample(&fluid, f64::from(k));
+    }
+    let report = statistics.report(&fluid).expect("samples");
+    assert!(report.blocks.0 <= 64 && report.blocks.1 >= 4.0);
+    close(report.time, 300.0, 1e-9, "time");
+    close(column(&report, "uu").0[8], 0.02, 1e-12, "uu");
+}
+
+/// Laminar flow: the total stress is the straight line, wall stress G δ, Reynolds stress zero.
+#[test]
+fn friction_and_stress_of_laminar_flow_are_exact() {
+    let mut fluid = channel(1.5);
+    // ν = ¼, G/ρ = ¾: u = 3/2 y(2 − y).
+    let exact = |[_, y, _]: [f64; 3]| [1.5 * y * (2.0 - y), 0.0, 0.0];
+    fluid.set_velocity(exact).expect("flow");
+    let mut statistics = Statistics::new(&fluid, about(CHANNEL, &[])).expect("statistics");
+    for _ in 0..3 {
+        fluid.advance(1e-2).expect("step");
+        statistics.sample(&fluid, fluid.time());
+    }
+    let report = statistics.report(&fluid).expect("samples");
+    let friction = report.friction;
+    close(friction.wall_stress, 1.5, 1e-9, "wall stress");
+    close(friction.friction_velocity, 0.75f64.sqrt(), 1e-9, "u_tau");
+    close(
+        friction.reynolds_number,
+        0.75f64.sqrt() / 0.25,
+        1e-8,
+        "Re_tau",
+    );
+    assert!(friction.stress_residual < 1e-9, "{friction:?}");
+    for (total, line) in column(&report, "total_stress")
+        .0
+        .iter()
+        .zip(column(&report, "stress_line").0)
+    {
+        close(*total, *line, 1e-9, "total stress");
+    }
+}
+
+/// Flow around an axis: all of it in the third direction, whatever the angle.
+#[test]
+fn rings_turn_with_the_place() {
+    // The start is projected, and the diagonals of prisms lean to one side.
+    for (element, tolerance) in [(BoxElement::Hexahedron, 1e-6), (BoxElement::Prism, 1e-2)] {
+        let mesh = ring(element, [1.0, 2.0], 0.5, [24, 6, 3]);
+        let mut fluid = fluid_in(mesh, settings(1.0, 0.1, 1e-12), |name| {
+            if name.starts_with('z') {
+                BoundaryCondition::Slip
+            } else {
+                BoundaryCondition::WALL
+            }
+        });
+        fluid.set_velocity(|_| [0.0; 3]).expect("at rest");
+        let rings = Averaging::Rings {
+            axis: 2,
+            centre: [0.0; 3],
+        };
+        let mut statistics = Statistics::new(&fluid, about(rings, &[])).expect("statistics");
+        // Walls hold the velocity at the sides: take one that vanishes there.
+        let swirl = |[x, y, _]: [f64; 3]| {
+            let r = x.hypot(y);
+            let speed = (r - 1.0) * (2.0 - r);
+            [-speed * y / r, speed * x / r, 0.0]
+        };
+        fluid.set_velocity(swirl).expect("swirl");
+        statistics.sample(&fluid, 1.0);
+        let report = statistics.report(&fluid).expect("a sample");
+        assert_eq!(report.positions.len(), 7, "{:?}", report.positions);
+        for (bin, &r) in report.positions.iter().enumerate() {
+            let value = |name: &str| column(&report, name).0[bin];
+            close(r, 1.0 + bin as f64 / 6.0, 1e-9, "radius");
+            close(value("w"), (r - 1.0) * (2.0 - r), tolerance, "w");
+            close(value("ww"), 0.0, tolerance * tolerance, "ww");
+            close(value("v"), 0.0, tolerance, "v");
+        }
+    }
+}
+
+#[test]
+fn meshes_without_planes_or_lines_are_refused() {
+    let mesh = BoxMesh {
+        periodic: [true, false, true],
+        ..of(BoxElement::Tetrahedron, [1.0; 3], [6, 6, 6], 0.2)
+    };
+    let fluid = fluid_on(&mesh, settings(1.0, 0.1, 1e-10), |_| {
+        BoundaryCondition::WALL
+    });
+    let refused = Statistics::new(&fluid, about(CHANNEL, &[0])).expect_err("jittered");
+    assert!(refused.to_string().contains("spectra along x"), "{refused}");
+    let across = Averaging::Planes {
+        normal: 0,
+        flow: 1,
+        symmetric: true,
+    };
+    let refused = Statistics::new(&fluid, about(across, &[])).expect_err("periodic");
+    assert!(refused.to_string().contains("periodic"), "{refused}");
+}
+
+/// Averages go on from a stored state as if nothing had happened.
+#[test]
+fn stored_averages_go_on() {
+    let mut fluid = channel(0.0);
+    let mut straight = Statistics::new(&fluid, about(CHANNEL, &[2])).expect("statistics");
+    let mut resumed = Statistics::new(&fluid, about(CHANNEL, &[2])).expect("statistics");
+    let mut state = None;
+    for k in 1..=8 {
+        let a = 0.1 * f64::from(k);
+        fluid.set_velocity(streaks(2.0, a, 0.2)).expect("flow");
+        straight.sample(&fluid, 0.4 * f64::from(k));
+        match k {
+            5 => state = Some(straight.state(&fluid)),
+            6.. => {
+                if let Some(state) = state.take() {
+                    assert!(resumed.restore(&fluid, &state).expect("fits"));
+                }
+                resumed.sample(&fluid, 0.4 * f64::from(k));
+            }
+            _ => {}
+        }
+    }
+    assert_eq!(straight.report(&fluid), resumed.report(&fluid));
+    let mut other = Statistics::new(&fluid, about(CHANNEL, &[0])).expect("statistics");
+    let refused = other.restore(&fluid, &straight.state(&fluid));
+    assert!(
+        refused
+            .expect_err("other lines")
+            .to_string()
+            .contains("spectra_x")
+    );
+}
