@@ -39,6 +39,7 @@ mpi_checks! {
     fibres_change_owner_unnoticed,
     fibres_in_contact_for_long,
     fibres_in_contact_in_implicit_steps,
+    probes_are_exact_on_any_ranks,
     transfer_agrees_on_any_ranks,
     coupled_ranks_agree,
     crowded_fibres_are_handed_out,

@@ -14,13 +14,31 @@ spectra = ["x", "z"]
 average = { kind = "planes", normal = "y", flow = "x", symmetric = true }
 "#;
 
+/// Points, a line, a plane and a box, each at times of its own.
+const SAMPLES: &str = r#"
+[[output.samples]]
+name = "probes"
+every = 1
+at = { kind = "points", points = [[1e-3, 4e-3, 2e-3], [7.9e-3, 1e-3, 5.5e-3]] }
+
+[[output.samples]]
+name = "across"
+interval = 0.004
+at = { kind = "line", start = [3e-3, 0, 3e-3], end = [3e-3, 8e-3, 3e-3], count = 9 }
+
+[[output.samples]]
+name = "wall"
+every = 10
+at = { kind = "plane", normal = "y", position = 1e-3, low = [0, 0], high = [8e-3, 6e-3], counts = [9, 7] }
+"#;
+
 /// The channel without its fibres.
 fn bench() -> Bench {
     let case = include_str!("../src/channel.toml");
     let (flow, _) = case.split_once("[[fibres]]").expect("fibres");
     Bench::new(
         env!("CARGO_BIN_EXE_program"),
-        &(flow.to_owned() + STATISTICS),
+        &(flow.to_owned() + STATISTICS + SAMPLES),
     )
 }
 
@@ -101,4 +119,43 @@ fn averages_do_not_depend_on_the_ranks() {
     run(&bench, 1, "half", &["--steps=100", "--resume"]).expect("one rank");
     let worst = difference(&bench, "one", "half", 1e-12);
     assert!(worst < 1e-8, "{worst}");
+}
+
+/// Probes and lines on two ranks are those on one; every set has its own times, and a resumed run goes on with all of them.
+#[test]
+fn samples_do_not_depend_on_the_ranks() {
+    let bench = bench();
+    run(&bench, 1, "one", &["--steps=40"]).expect("one rank");
+    let files = |out: &str| {
+        let entries = std::fs::read_dir(bench.path(out).join("samples")).expect("samples");
+        let mut names: Vec<String> = entries
+            .map(|e| e.expect("entry").file_name().to_string_lossy().into_owned())
+            .filter(|name| name.ends_with(".csv") || name.ends_with(".pvti"))
+            .collect();
+        names.sort();
+        names
+    };
+    let lines: Vec<String> = files("one")
+        .into_iter()
+        .filter(|n| n.ends_with(".csv"))
+        .collect();
+    let planes = files("one").len() - lines.len();
+    // At the start, then every 0.004 s and every 10 steps.
+    assert!(lines.len() > 4 && planes == 5, "{lines:?}");
+    let Some(()) = run(&bench, 2, "two", &["--steps=23"]) else {
+        return;
+    };
+    run(&bench, 2, "two", &["--steps=40", "--resume"]).expect("mpirun is there");
+    assert_eq!(files("one"), files("two"));
+    let tables = lines.iter().map(|name| format!("samples/{name}"));
+    for name in tables.chain(["series/probes.csv".to_owned()]) {
+        let (a, b) = (table(&bench, "one", &name), table(&bench, "two", &name));
+        for ((column, a), (_, b)) in a.iter().zip(&b) {
+            assert!(!a.is_empty() && a.len() == b.len(), "{name}, {column}");
+            let size = a.iter().fold(1e-9f64, |m, v| m.max(v.abs()));
+            for (x, y) in a.iter().zip(b) {
+                assert!((x - y).abs() < 1e-8 * size, "{name}, {column}: {x} {y}");
+            }
+        }
+    }
 }

@@ -13,6 +13,7 @@ mod gaussian;
 mod kernel;
 mod lattice;
 mod locate;
+mod probes;
 mod rendezvous;
 mod spread;
 
@@ -22,4 +23,5 @@ pub use coupling::Coupling;
 pub use disturbance::{PlaneWall, Undisturbed, Wake};
 pub use error::CouplingError;
 pub use kernel::Kernel;
+pub use probes::{PointSet, PointValue, Probes};
 pub use spread::SpreadReport;

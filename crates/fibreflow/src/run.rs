@@ -240,6 +240,7 @@ fn clear(folder: &Path, resume: bool, communicator: &Communicator) -> Result<(),
                 "fibres",
                 "series",
                 "profiles",
+                "samples",
                 "checkpoint",
                 "pictures",
             ] {

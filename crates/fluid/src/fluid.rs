@@ -229,10 +229,17 @@ impl Fluid {
         &self.velocity
     }
 
-    /// Kinematic pressure p/ρ \[m²/s²\] at owned and halo nodes; times [`FluidSettings::density`] it is in Pa.
+    /// Kinematic pressure p/ρ \[m²/s²\] by node, of the last step at owned nodes only; times [`FluidSettings::density`] it is in Pa.
     /// It belongs to the middle of the last step. Without outlets its mean over the nodes is zero.
     pub fn pressure(&self) -> &[f64] {
         &self.pressure
+    }
+
+    /// [`Fluid::pressure`] at owned and halo nodes. Collective.
+    pub fn pressure_everywhere(&self) -> Vec<f64> {
+        let mut pressure = self.pressure.clone();
+        self.mesh.halo.update(&mut pressure);
+        pressure
     }
 
     /// Flux F_ij \[m³/s\] of every pair entry of [`DualGeometry`].

@@ -15,6 +15,7 @@ mod geometry;
 mod halo;
 pub mod meshes;
 mod poisson;
+mod probes;
 
 /// What a failing check says.
 pub type Outcome = Result<(), Box<dyn std::error::Error>>;
@@ -63,6 +64,7 @@ pub const CHECKS: &[(&str, Check)] = &[
         "fibres_in_contact_in_implicit_steps",
         fibres::implicit_contact,
     ),
+    ("probes_are_exact_on_any_ranks", probes::exact_on_any_ranks),
     ("transfer_agrees_on_any_ranks", coupling::ranks_agree),
     ("coupled_ranks_agree", coupled::ranks_agree),
     (

@@ -1,6 +1,6 @@
 //! Time, output, exact answers.
 
-use super::{Loads, Observables, Statistics};
+use super::{Loads, Observables, Samples, Statistics};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -44,6 +44,9 @@ pub struct Output {
     /// Averages of the flow over time and over planes or rings. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub statistics: Option<Statistics>,
+    /// The flow at chosen points. Default: none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub samples: Vec<Samples>,
     /// Fibres, by number from 0, of which a series is kept: middle, ends, end-to-end vector.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub track: Vec<u64>,
@@ -65,6 +68,7 @@ impl Default for Output {
             loads: None,
             observables: None,
             statistics: None,
+            samples: Vec::new(),
             track: Vec::new(),
             wall_time_limit: None,
         }
@@ -73,19 +77,21 @@ impl Default for Output {
 
 impl Output {
     /// Everything that is done from time to time.
-    pub fn schedules(&self) -> [Schedule; 6] {
+    pub fn schedules(&self) -> Vec<Schedule> {
         let loads = self.loads.as_ref().map(|l| l.schedule(&self.series));
         let observables = self.observables.as_ref();
         let observables = observables.map(|o| o.schedule(&self.series));
         let statistics = self.statistics.as_ref().map(Statistics::schedule);
-        [
+        let mut all = vec![
             self.vtk.clone(),
             self.series.clone(),
             self.checkpoint.clone(),
             loads.unwrap_or_default(),
             observables.unwrap_or_default(),
             statistics.unwrap_or_default(),
-        ]
+        ];
+        all.extend(self.samples.iter().map(|s| s.schedule(&self.series)));
+        all
     }
 }
 

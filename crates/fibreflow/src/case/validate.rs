@@ -3,7 +3,7 @@
 use super::{
     Average, Axis, Case, CaseError, Clamp, ContactWall, Correction, CouplingMode, Document,
     DragLaw, Exact, Forcing, Initial, KernelKind, Kinematics, MeshSource, Observables, Placement,
-    Region, Schedule, Scheme, SlenderBody, Spheroid, TorqueLaw, schema,
+    Region, SamplePoints, Schedule, Scheme, SlenderBody, Spheroid, TorqueLaw, schema,
 };
 
 type Checked = Result<(), Box<CaseError>>;
@@ -26,6 +26,7 @@ pub(super) fn validate(case: &Case, document: &Document) -> Checked {
     }
     check_loads(case, document)?;
     check_statistics(case, document)?;
+    check_samples(case, document)?;
     check_observables(case, document)?;
     check_contact(case, document)?;
     check_coupling(case, document)?;
@@ -237,6 +238,44 @@ fn check_statistics(case: &Case, document: &Document) -> Checked {
         let message = format!("`{path}` goes across the planes or rings");
         let help = "directions in planes, or that of the axis of rings";
         return Err(document.value_error(&path, message).with_help(help));
+    }
+    Ok(())
+}
+
+fn check_samples(case: &Case, document: &Document) -> Checked {
+    for (k, samples) in case.output.samples.iter().enumerate() {
+        let path = format!("output.samples[{k}]");
+        if case.fluid.is_none() {
+            let message = "`output.samples` needs a fluid on a mesh";
+            return Err(document.error(&path, message));
+        }
+        let own = samples.schedule(&Schedule::default());
+        check_schedule(&format!("samples[{k}]"), &own, document)?;
+        let earlier = &case.output.samples[..k];
+        let series = [
+            "fluid",
+            "fibres",
+            "loads",
+            "friction",
+            "orientation",
+            "shape",
+        ];
+        let name = samples.name.as_str();
+        if earlier.iter().any(|s| s.name == name) || series.contains(&name) {
+            let path = format!("{path}.name");
+            let message = format!("`{path} = \"{name}\"` is the name of other files");
+            return Err(document.value_error(&path, message));
+        }
+        let thin = match &samples.at {
+            SamplePoints::Plane { low, high, .. } => (0..2).any(|c| high[c] <= low[c]),
+            SamplePoints::Box { low, high, .. } => (0..3).any(|c| high[c] <= low[c]),
+            SamplePoints::Points { .. } | SamplePoints::Line { .. } => false,
+        };
+        if thin {
+            let path = format!("{path}.at.high");
+            let message = format!("`{path}` is not above `low`");
+            return Err(document.value_error(&path, message));
+        }
     }
     Ok(())
 }

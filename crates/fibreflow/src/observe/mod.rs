@@ -3,6 +3,7 @@
 mod fibres;
 mod loads;
 mod progress;
+mod samples;
 mod save;
 mod series;
 mod statistics;
@@ -22,6 +23,7 @@ use crate::scene::Scene;
 use fibres::FibreSeries;
 use loads::LoadSeries;
 use progress::Progress;
+use samples::SampleOutput;
 use series::AllSeries;
 use statistics::StatisticsOutput;
 use std::path::{Path, PathBuf};
@@ -64,6 +66,7 @@ pub struct Observers {
     loads: Option<LoadSeries>,
     fibres: Option<FibreSeries>,
     statistics: Option<StatisticsOutput>,
+    samples: Option<SampleOutput>,
     vtk: VtkOutput,
     progress: Progress,
     signal: Arc<AtomicBool>,
@@ -94,6 +97,7 @@ impl Observers {
             loads: LoadSeries::open(case, folder, scene, resumed.then_some(clock.step))?,
             fibres: FibreSeries::open(case, folder, scene, resumed.then_some(clock.step))?,
             statistics: StatisticsOutput::open(case, folder, scene, clock, kept)?,
+            samples: SampleOutput::open(case, folder, scene, resumed.then_some(clock))?,
             vtk: VtkOutput::new(folder, scene, resumed.then_some(clock.time))?,
             progress: Progress::new(clock),
             folder: folder.to_owned(),
@@ -120,6 +124,14 @@ impl Observers {
                 fibres.write(scene, clock)?;
             }
             self.vtk.write(scene, clock)?;
+            if let Some(samples) = &mut self.samples {
+                samples.write(scene, clock)?;
+            }
+        }
+        for (name, count) in self.samples.iter().flat_map(SampleOutput::outside) {
+            log.line(&format!(
+                "warning: {count} points of `output.samples` \"{name}\" are outside the mesh: their values are NaN"
+            ));
         }
         self.progress.start(log);
         Ok(())
@@ -148,6 +160,9 @@ impl Observers {
         }
         if let Some(statistics) = self.statistics.as_mut().filter(|s| s.is_due(clock)) {
             statistics.sample(scene, clock)?;
+        }
+        if let Some(samples) = &mut self.samples {
+            samples.write(scene, clock)?;
         }
         if clock.is_due(&self.output.vtk) {
             self.vtk.write(scene, clock)?;
@@ -206,6 +221,7 @@ impl Observers {
         self.series.flush()?;
         self.loads.as_mut().map_or(Ok(()), LoadSeries::flush)?;
         self.fibres.as_mut().map_or(Ok(()), FibreSeries::flush)?;
+        self.samples.as_mut().map_or(Ok(()), SampleOutput::flush)?;
         self.statistics
             .as_mut()
             .map_or(Ok(()), StatisticsOutput::flush)

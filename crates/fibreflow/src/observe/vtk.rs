@@ -141,7 +141,8 @@ impl DataSet<'_> {
 /// Velocity \[m/s\], pressure \[Pa\], body force \[N/m³\].
 fn fluid_piece(grid: &Grid, fluid: &Fluid) -> Piece {
     let density = fluid.settings().density;
-    let pressure: Vec<f64> = fluid.pressure().iter().map(|p| p * density).collect();
+    let mut pressure = fluid.pressure_everywhere();
+    pressure.iter_mut().for_each(|p| *p *= density);
     let mut force = fluid.body_force().to_vec();
     fluid.mesh().halo.update(&mut force);
     grid.piece(vec![

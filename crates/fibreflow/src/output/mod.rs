@@ -1,6 +1,7 @@
 //! What a run writes: VTK, series, log, summary, manifest.
 
 pub mod grid;
+pub mod image;
 pub mod log;
 pub mod manifest;
 pub mod series;

@@ -74,7 +74,7 @@ impl Array {
         }
     }
 
-    fn declaration(&self) -> String {
+    pub(super) fn declaration(&self) -> String {
         format!(
             "type=\"{}\" Name=\"{}\" NumberOfComponents=\"{}\"",
             self.vtk_type(),
@@ -229,7 +229,7 @@ impl Piece {
     }
 }
 
-fn header(grid: &str, extra: &str) -> String {
+pub(super) fn header(grid: &str, extra: &str) -> String {
     let order = if cfg!(target_endian = "big") {
         "BigEndian"
     } else {
@@ -242,12 +242,17 @@ fn header(grid: &str, extra: &str) -> String {
 
 /// The binary part, with the XML that points into it.
 #[derive(Default)]
-struct Appended {
-    bytes: Vec<u8>,
+pub(super) struct Appended {
+    pub bytes: Vec<u8>,
 }
 
 impl Appended {
-    fn section(&mut self, xml: &mut String, name: &str, arrays: &[Array]) -> std::io::Result<()> {
+    pub fn section(
+        &mut self,
+        xml: &mut String,
+        name: &str,
+        arrays: &[Array],
+    ) -> std::io::Result<()> {
         let _ = writeln!(xml, "<{name}>");
         for array in arrays {
             let (declaration, offset) = (array.declaration(), self.bytes.len());

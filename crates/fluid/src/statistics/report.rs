@@ -54,7 +54,8 @@ pub struct Friction {
     pub reynolds_number: f64,
     /// 2τ/(ρU²).
     pub coefficient: f64,
-    /// Largest distance of the total stress from the straight line of a steady flow, by the wall stress.
+    /// Largest distance of the total stress from the straight line that balances the driving force, by its value at the wall:
+    /// what averaging has left of acceleration, and the error of differences between bins. Zero where nothing drives the flow.
     pub stress_residual: f64,
 }
 
@@ -110,7 +111,7 @@ const NAMES: [&str; 28] = [
     "stress_line",
 ];
 
-/// Columns of [`NAMES`] from the means of the products of every bin.
+/// Columns of [`NAMES`] from the means of the products of every bin; `stress` is that of the straight line at the wall \[Pa\].
 fn columns(means: &[f64], bins: &Bins, stress: f64, viscosity: f64, density: f64) -> Vec<Vec<f64>> {
     let central: Vec<Central> = means.chunks_exact(COUNT).map(Central::new).collect();
     let of = |f: &dyn Fn(&Central) -> f64| central.iter().map(f).collect::<Vec<f64>>();
@@ -276,11 +277,12 @@ impl Statistics {
         if let [stress, bulk, _] = errors[..] {
             (friction.wall_stress_error, friction.bulk_velocity_error) = (stress, bulk);
         }
-        if friction.wall_stress != 0.0 && (self.bins.rings() || self.bins.symmetric()) {
+        let balancing = self.balancing_stress(friction.driving_force).abs();
+        if balancing > 0.0 {
             let find = |name: &str| columns.iter().find(|c| c.name == name).map(|c| &c.values);
             if let (Some(total), Some(line)) = (find("total_stress"), find("stress_line")) {
                 let off = total.iter().zip(line).map(|(t, l)| (t - l).abs());
-                friction.stress_residual = off.fold(0.0, f64::max) / friction.wall_stress.abs();
+                friction.stress_residual = off.fold(0.0, f64::max) / balancing;
             }
         }
         Some(StatisticsReport {
@@ -293,6 +295,15 @@ impl Statistics {
             friction,
             extent: self.bins.extent,
         })
+    }
+
+    /// Wall stress that balances a driving force in a steady flow \[Pa\]; zero where bins do not tell where the walls are.
+    fn balancing_stress(&self, driving: f64) -> f64 {
+        match (self.bins.rings(), self.bins.symmetric()) {
+            (true, _) => 0.5 * driving * self.bins.extent,
+            (false, true) => driving * self.bins.extent,
+            (false, false) => 0.0,
+        }
     }
 
     fn friction(&self, fluid: &Fluid, [stress, bulk, driving]: [f64; GLOBALS]) -> Friction {
