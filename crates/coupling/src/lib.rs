@@ -14,6 +14,7 @@ mod kernel;
 mod lattice;
 mod locate;
 mod rendezvous;
+mod response;
 mod spread;
 
 pub use anderson::Anderson;
