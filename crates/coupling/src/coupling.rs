@@ -123,9 +123,6 @@ impl Coupling {
         ambient: &mut Ambient,
     ) -> Result<(), CouplingError> {
         check_length("velocity", fields.velocity.len(), self.mesh.total())?;
-        ambient.velocity.clear();
-        ambient.gradient.clear();
-        ambient.change.clear();
         match self.gaussian.take() {
             None => self.sample_elements(fields, points, ambient),
             Some(mut gaussian) => {

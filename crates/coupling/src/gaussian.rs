@@ -15,7 +15,8 @@
 use crate::boxes::{Bins, Bounds};
 use crate::coupling::Fields;
 use crate::lattice::Lattice;
-use crate::rendezvous::{Query, Reply, UNKNOWN};
+use crate::locate::Location;
+use crate::rendezvous::{Answers, Flow, Host};
 use crate::spread::Sums;
 use crate::{Coupling, CouplingError, Kernel};
 use bytemuck::{Pod, Zeroable};
@@ -229,7 +230,7 @@ impl Coupling {
         points: &[Vector3<f64>],
         ambient: &mut Ambient,
     ) -> Result<(), CouplingError> {
-        self.place_sites(gaussian, points)?;
+        self.place_sites(gaussian, points, ambient)?;
         let communicator = self.communicator().clone();
         let mut asked: Vec<Vec<[f64; 3]>> = vec![Vec::new(); communicator.size()];
         let mut owners = vec![Vec::new(); communicator.size()];
@@ -252,6 +253,9 @@ impl Coupling {
             }
         }
         let mut unresolved = None;
+        ambient.velocity.clear();
+        ambient.gradient.clear();
+        ambient.change.clear();
         for (site, moments) in gaussian.sites.iter_mut().zip(&moments) {
             match moments.inverse() {
                 Some(inverse) => site.inverse = inverse,
@@ -282,29 +286,22 @@ impl Coupling {
         &mut self,
         gaussian: &mut Gaussian,
         points: &[Vector3<f64>],
+        ambient: &mut Ambient,
     ) -> Result<(), CouplingError> {
-        let (mesh, locator) = (&self.mesh, &self.locator);
-        let answer = |query: &Query| {
-            let hint = (query.element != UNKNOWN).then_some((query.element, query.shift));
-            match locator.find(&query.position.into(), hint) {
-                Some(location) => Reply {
-                    value: locator.place(&location).into(),
-                    ..Reply::at(mesh, &location)
-                },
-                None => Reply::nothing(),
-            }
+        let nowhere = Flow::zeroed();
+        let host = Host {
+            mesh: &*self.mesh,
+            locator: &self.locator,
+            flow: |_: &Location| nowhere,
         };
-        let replies = self.rendezvous.place(points, answer)?;
+        let answers = Answers::within(ambient, points.len());
+        self.rendezvous.place(points, &host, answers)?;
         gaussian.sites.clear();
         let lattice = &gaussian.lattice;
         gaussian
             .sites
-            .extend(points.iter().zip(&replies).map(|(x, reply)| {
-                let held = if reply.distance > 0.0 {
-                    reply.value.into()
-                } else {
-                    *x
-                };
+            .extend(self.rendezvous.placements.iter().map(|place| {
+                let held = place.held;
                 let wrapped = lattice.image(&held, lattice.wrap(&held));
                 Site {
                     wrapped,

@@ -15,6 +15,7 @@ mod lattice;
 mod locate;
 mod probes;
 mod rendezvous;
+mod response;
 mod spread;
 
 pub use anderson::Anderson;

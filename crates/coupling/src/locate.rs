@@ -8,8 +8,7 @@ use crate::adjacency::{Adjacency, stepped};
 use crate::boxes::{Bins, Bounds};
 use crate::closest;
 use crate::lattice::{Lattice, Shift};
-use fibreflow_mesh::shape::{self, Weights};
-use fibreflow_mesh::{Affine, LocalMesh};
+use fibreflow_mesh::{Affine, ElementKind, Image, LocalMesh, shape};
 use nalgebra::Vector3;
 use std::sync::Arc;
 
@@ -69,8 +68,20 @@ pub(crate) struct Locator {
     owned_bounds: Bounds,
     /// Typical size of an element \[m\].
     scale: f64,
-    /// Of the local elements with a linear map.
-    affine: Vec<Option<Affine>>,
+    /// Maps of the local elements, or their tangents.
+    maps: Vec<Affine>,
+    traits: Vec<Traits>,
+}
+
+/// What is asked of an element first, in one place.
+#[derive(Clone, Copy)]
+struct Traits {
+    kind: ElementKind,
+    /// Its map is the linear one in `maps`.
+    linear: bool,
+    /// A vertex is another image of its node.
+    wraps: bool,
+    owned: bool,
 }
 
 impl Locator {
@@ -88,10 +99,18 @@ impl Locator {
         let mut lowest = Vector3::repeat(f64::INFINITY);
         let mut surface = Vec::new();
         let mut surface_boxes = Vec::new();
-        let mut affine = Vec::with_capacity(mesh.elements.len());
+        let mut maps = Vec::with_capacity(mesh.elements.len());
+        let mut traits = Vec::with_capacity(mesh.elements.len());
         for e in 0..mesh.elements.len() {
             let (x, kind) = vertices(e);
-            affine.push(Affine::of(kind, &x));
+            let linear = Affine::of(kind, &x);
+            maps.push(linear.unwrap_or_else(|| Affine::tangent(kind, &x)));
+            traits.push(Traits {
+                kind,
+                linear: linear.is_some(),
+                wraps: mesh.elements.images(e).iter().any(|&i| i != Image::ZERO),
+                owned: mesh.owned_elements[e],
+            });
             let x = &x[..kind.vertices()];
             let around = Bounds::around(x);
             bounds.merge(&around);
@@ -121,7 +140,8 @@ impl Locator {
             bounds: bounds.inflated(1e-6 * scale),
             owned_bounds,
             scale,
-            affine,
+            maps,
+            traits,
             mesh,
         }
     }
@@ -141,8 +161,18 @@ impl Locator {
     }
 
     /// The owned element that contains the point or, failing that, the nearest one. None without owned elements.
+    #[inline]
     pub fn find(&self, point: &Vector3<f64>, hint: Option<(u32, Shift)>) -> Option<Location> {
-        hint.and_then(|(element, shift)| self.walk(point, element as usize, shift))
+        let walked = hint.and_then(|(element, shift)| self.walk(point, element as usize, shift));
+        match walked {
+            Some(start) if self.is_alone(&start) => Some(Location::of(&start, true)),
+            _ => self.find_slowly(point, walked),
+        }
+    }
+
+    #[cold]
+    fn find_slowly(&self, point: &Vector3<f64>, walked: Option<Candidate>) -> Option<Location> {
+        walked
             .or_else(|| self.search(point))
             .and_then(|start| self.canonical(point, start))
             .or_else(|| self.nearest(point))
@@ -155,34 +185,59 @@ impl Locator {
             .coordinates(element, &mesh.nodes, &mesh.periods)
     }
 
-    /// Shape functions and their gradients at a reference point of a local element.
-    pub fn weights(&self, element: usize, reference: [f64; 3]) -> Weights {
-        let kind = self.mesh.elements.kinds[element];
-        match &self.affine[element] {
-            Some(affine) => affine.weights(kind, reference),
-            None => shape::physical(kind, &self.coordinates(element), reference),
+    /// Kind of a local element.
+    #[inline(always)]
+    pub fn kind(&self, element: usize) -> ElementKind {
+        self.traits[element].kind
+    }
+
+    /// True when a vertex of a local element is another image of its node.
+    #[inline(always)]
+    pub fn wraps(&self, element: usize) -> bool {
+        self.traits[element].wraps
+    }
+
+    /// Gradients \[1/m\] of the three reference coordinates at a reference point of a local element.
+    #[inline(always)]
+    pub fn inverse_jacobian(&self, element: usize, reference: [f64; 3]) -> [[f64; 3]; 3] {
+        let Traits { kind, linear, .. } = self.traits[element];
+        if linear {
+            self.maps[element].inverse_jacobian()
+        } else {
+            shape::inverse_jacobian(kind, &self.coordinates(element), reference)
         }
     }
 
-    /// Where a location is, in the frame of its point \[m\].
-    pub fn place(&self, location: &Location) -> Vector3<f64> {
+    /// Where a point is held: at itself, or, out of the domain, at its location \[m\], in the frame of the point.
+    #[inline(always)]
+    pub fn held(&self, point: &Vector3<f64>, location: &Location) -> Vector3<f64> {
+        if location.distance == 0.0 {
+            return *point;
+        }
         let element = location.element as usize;
-        let kind = self.mesh.elements.kinds[element];
         let coordinates = self.coordinates(element);
-        let weights = self.weights(element, location.reference);
-        let vertices = (0..kind.vertices()).map(|v| weights.n[v] * Vector3::from(coordinates[v]));
-        let place = vertices.sum::<Vector3<f64>>();
-        self.lattice.image(&place, location.shift.map(|s| -s))
+        let place = shape::position(self.kind(element), &coordinates, location.reference);
+        self.lattice
+            .image(&place.into(), location.shift.map(|s| -s))
     }
 
+    /// Reference coordinates of a point, which may be outside, in an element; None where that has no answer.
+    #[inline(always)]
+    fn reference(&self, point: &Vector3<f64>, element: usize, shift: Shift) -> Option<[f64; 3]> {
+        let x = self.lattice.image(point, shift).into();
+        let guess = self.maps[element].locate(x);
+        let Traits { kind, linear, .. } = self.traits[element];
+        if linear {
+            Some(guess)
+        } else {
+            shape::locate_from(kind, &self.coordinates(element), x, guess)
+        }
+    }
+
+    #[inline(always)]
     fn contained(&self, point: &Vector3<f64>, element: usize, shift: Shift) -> Option<Candidate> {
-        let kind = self.mesh.elements.kinds[element];
-        let x = self.lattice.image(point, shift);
-        let reference = match &self.affine[element] {
-            Some(affine) => affine.locate(x.into()),
-            None => shape::locate(kind, &self.coordinates(element), x.into())?,
-        };
-        shape::inside(kind, reference, INSIDE).then_some(Candidate {
+        let reference = self.reference(point, element, shift)?;
+        shape::inside(self.kind(element), reference, INSIDE).then_some(Candidate {
             element,
             shift,
             reference,
@@ -190,48 +245,33 @@ impl Locator {
     }
 
     /// From element to element through the face that the point lies farthest behind.
+    #[inline(always)]
     fn walk(&self, point: &Vector3<f64>, element: usize, shift: Shift) -> Option<Candidate> {
-        if element >= self.mesh.elements.len() {
+        if element >= self.traits.len() {
             return None;
         }
         let (mut element, mut shift) = (element, shift);
         for _ in 0..LONGEST_WALK {
-            let found = self.contained(point, element, shift);
-            if found.is_some() {
-                return found;
+            let reference = self.reference(point, element, shift)?;
+            let kind = self.kind(element);
+            if shape::inside(kind, reference, INSIDE) {
+                return Some(Candidate {
+                    element,
+                    shift,
+                    reference,
+                });
             }
-            let face = self.exit(&self.lattice.image(point, shift), element)?;
-            let next = self.adjacency.of(element)[face]?;
+            let next = self.adjacency.of(element)[shape::exit(kind, reference)]?;
             (element, shift) = (next.element as usize, stepped(shift, next.shift));
         }
         None
     }
 
-    /// The face that a point lies farthest behind.
-    fn exit(&self, x: &Vector3<f64>, element: usize) -> Option<usize> {
-        let kind = self.mesh.elements.kinds[element];
-        let coordinates = self.coordinates(element).map(Vector3::from);
-        let behind = |vertices: &[usize]| {
-            let v = |k: usize| coordinates[vertices[k]];
-            let last = vertices.len() - 1;
-            let normal = if last == 2 {
-                (v(1) - v(0)).cross(&(v(2) - v(0)))
-            } else {
-                (v(2) - v(0)).cross(&(v(3) - v(1)))
-            };
-            let centre = vertices
-                .iter()
-                .map(|&k| coordinates[k])
-                .sum::<Vector3<f64>>()
-                / vertices.len() as f64;
-            (x - centre).dot(&normal) / normal.norm()
-        };
-        let faces = kind.faces().iter().enumerate();
-        faces
-            .map(|(f, vertices)| (f, behind(vertices)))
-            .max_by(|a, b| a.1.total_cmp(&b.1))
-            .filter(|&(_, distance)| distance > 0.0)
-            .map(|(f, _)| f)
+    /// No other element contains the point, and this rank owns the one that does.
+    #[inline(always)]
+    fn is_alone(&self, found: &Candidate) -> bool {
+        let Traits { kind, owned, .. } = self.traits[found.element];
+        owned && shape::inside(kind, found.reference, -INSIDE)
     }
 
     /// Any local element that contains the point, by bins.
@@ -251,7 +291,7 @@ impl Locator {
     /// Among all elements that contain the point, the owned one with the smallest index in the whole mesh.
     fn canonical(&self, point: &Vector3<f64>, start: Candidate) -> Option<Location> {
         let mesh = &self.mesh;
-        if shape::inside(mesh.elements.kinds[start.element], start.reference, -INSIDE) {
+        if shape::inside(self.kind(start.element), start.reference, -INSIDE) {
             return mesh.owned_elements[start.element].then(|| Location::of(&start, true));
         }
         let mut around = self.around(point, start);

@@ -3,92 +3,183 @@
 use crate::CouplingError;
 use crate::boxes::Bounds;
 use crate::lattice::{Lattice, Shift};
-use crate::locate::Location;
+use crate::locate::{Location, Locator};
 use bytemuck::{Pod, Zeroable};
+use fibreflow_fibre::Ambient;
 use fibreflow_mesh::LocalMesh;
 use fibreflow_parallel::Communicator;
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
 /// Questions that one thread answers at least.
 const GRAIN: usize = 64;
 /// No element is known yet.
-pub(crate) const UNKNOWN: u32 = u32::MAX;
+const UNKNOWN: u32 = u32::MAX;
 
 /// A question to the rank that may hold a point.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-pub(crate) struct Query {
-    pub position: [f64; 3],
+struct Query {
+    position: [f64; 3],
     /// Where the point was last, on the rank that is asked.
-    pub shift: Shift,
-    pub element: u32,
+    shift: Shift,
+    element: u32,
+}
+
+/// The flow at a place.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub(crate) struct Flow {
+    pub velocity: [f64; 3],
+    /// Columns ∂u/∂x_j.
+    pub gradient: [[f64; 3]; 3],
+    /// Change of the velocity in the step.
+    pub change: [f64; 3],
 }
 
 /// The answer: where the point is and the flow there.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-pub(crate) struct Reply {
-    /// Velocity, or the nearest place of the domain.
-    pub value: [f64; 3],
-    /// `gradient[i][j]` = ∂u_i/∂x_j.
-    pub gradient: [[f64; 3]; 3],
-    /// Change of the velocity in the step.
-    pub change: [f64; 3],
-    pub reference: [f64; 3],
+struct Reply {
+    flow: Flow,
+    held: [f64; 3],
+    reference: [f64; 3],
     /// Distance \[m\] from the element, 0 inside; infinite from a rank without elements.
-    pub distance: f64,
+    distance: f64,
     /// Index of the element in the whole mesh.
-    pub global_element: u64,
-    pub shift: Shift,
-    pub element: u32,
+    global_element: u64,
+    shift: Shift,
+    element: u32,
     /// 1 when no other rank can know better.
-    pub certain: u64,
+    certain: u64,
 }
 
-impl Reply {
-    /// Where a point is, and no flow yet.
-    pub fn at(mesh: &LocalMesh, location: &Location) -> Self {
-        Self {
+/// The part of the mesh on this rank, and what `flow` says of a place in it.
+pub(crate) struct Host<'a, F> {
+    pub mesh: &'a LocalMesh,
+    pub locator: &'a Locator,
+    pub flow: F,
+}
+
+impl<F: Fn(&Location) -> Flow + Sync> Host<'_, F> {
+    fn reply(&self, query: &Query) -> Reply {
+        let position = query.position.into();
+        let hint = (query.element != UNKNOWN).then_some((query.element, query.shift));
+        let Some(location) = self.locator.find(&position, hint) else {
+            // Any other rank is better.
+            return Reply {
+                distance: f64::INFINITY,
+                global_element: u64::MAX,
+                element: UNKNOWN,
+                ..Reply::zeroed()
+            };
+        };
+        Reply {
+            flow: (self.flow)(&location),
+            held: self.locator.held(&position, &location).into(),
             reference: location.reference,
             distance: location.distance,
-            global_element: mesh.global_elements[location.element as usize],
+            global_element: self.mesh.global_elements[location.element as usize],
             shift: location.shift,
             element: location.element,
             certain: location.certain.into(),
-            ..Self::zeroed()
         }
     }
 
-    /// The answer of a rank without elements: any other is better.
-    pub fn nothing() -> Self {
+    /// As [`Host::reply`] where the host asks itself: into the places of the answer.
+    #[inline(always)]
+    fn reply_here(&self, point: &Vector3<f64>, place: &mut Placement, answer: Answer<'_>) {
+        let hint = (place.element != UNKNOWN).then_some((place.element, place.shift));
+        let Some(location) = self.locator.find(point, hint) else {
+            place.distance = f64::INFINITY;
+            place.certain = false;
+            return;
+        };
+        *place = Placement {
+            held: self.locator.held(point, &location),
+            reference: location.reference,
+            distance: location.distance,
+            shift: location.shift,
+            element: location.element,
+            rank: place.rank,
+            certain: location.certain,
+        };
+        answer.put(&(self.flow)(&location));
+    }
+}
+
+/// Where answers go, one entry each for every point.
+pub(crate) struct Answers<'a> {
+    velocity: &'a mut [Vector3<f64>],
+    gradient: &'a mut [Matrix3<f64>],
+    change: &'a mut [Vector3<f64>],
+}
+
+/// Where one answer goes.
+struct Answer<'a>(
+    &'a mut Vector3<f64>,
+    &'a mut Matrix3<f64>,
+    &'a mut Vector3<f64>,
+);
+
+impl Answer<'_> {
+    #[inline(always)]
+    fn put(self, flow: &Flow) {
+        *self.0 = flow.velocity.into();
+        *self.1 = flow.gradient.into();
+        *self.2 = flow.change.into();
+    }
+}
+
+impl<'a> Answers<'a> {
+    /// Room for `points` answers in `ambient`.
+    pub fn within(ambient: &'a mut Ambient, points: usize) -> Self {
+        ambient.velocity.resize(points, Vector3::zeros());
+        ambient.gradient.resize(points, Matrix3::zeros());
+        ambient.change.resize(points, Vector3::zeros());
         Self {
-            distance: f64::INFINITY,
-            global_element: u64::MAX,
-            element: UNKNOWN,
-            ..Self::zeroed()
+            velocity: &mut ambient.velocity,
+            gradient: &mut ambient.gradient,
+            change: &mut ambient.change,
         }
+    }
+
+    fn put(&mut self, k: u32, flow: &Flow) {
+        let k = k as usize;
+        Answer(
+            &mut self.velocity[k],
+            &mut self.gradient[k],
+            &mut self.change[k],
+        )
+        .put(flow);
     }
 }
 
 /// Where a point is hosted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Placement {
-    pub rank: u32,
-    pub element: u32,
-    pub shift: Shift,
+    /// The point or, out of the domain, the nearest place in it \[m\].
+    pub held: Vector3<f64>,
     pub reference: [f64; 3],
+    /// From the element \[m\], 0 inside.
     pub distance: f64,
+    pub shift: Shift,
+    pub element: u32,
+    pub rank: u32,
+    /// No other rank can know better.
+    certain: bool,
 }
 
 impl Placement {
     fn keep(&mut self, rank: u32, reply: &Reply) {
         *self = Self {
-            rank,
-            element: reply.element,
-            shift: reply.shift,
+            held: reply.held.into(),
             reference: reply.reference,
             distance: reply.distance,
+            shift: reply.shift,
+            element: reply.element,
+            rank,
+            certain: reply.certain == 1,
         };
     }
 }
@@ -123,34 +214,73 @@ impl Rendezvous {
         }
     }
 
-    /// Places every point and returns what the hosts answer. Collective; one round of messages when no point has left
-    /// the elements of its host, two otherwise.
-    pub fn place(
+    /// Places every point and puts what the hosts say of it into `answers`. Collective; one round of messages when no
+    /// point has left the elements of its host, two otherwise. Points that this rank hosts itself are in none.
+    pub fn place<F: Fn(&Location) -> Flow + Sync>(
         &mut self,
         points: &[Vector3<f64>],
-        answer: impl Fn(&Query) -> Reply + Sync,
-    ) -> Result<Vec<Reply>, CouplingError> {
+        host: &Host<'_, F>,
+        mut answers: Answers<'_>,
+    ) -> Result<(), CouplingError> {
         if self.placements.len() != points.len() {
             self.placements = points.iter().map(|p| self.first_guess(p)).collect();
         }
-        let bad = points.iter().position(|p| !p.iter().all(|x| x.is_finite()));
-        let asked: Vec<(u32, u32)> = match bad {
-            Some(_) => Vec::new(),
-            None => (0..points.len() as u32)
-                .map(|k| (k, self.placements[k as usize].rank))
-                .collect(),
+        // Not a number as soon as one is not finite.
+        let zero: Vector3<f64> = points.iter().map(|p| 0.0 * p).sum();
+        let finite = |p: &Vector3<f64>| p.iter().all(|x| x.is_finite());
+        let bad = if finite(&zero) {
+            None
+        } else {
+            points.iter().position(|p| !finite(p))
         };
-        let mut replies = self.ask(points, &asked, &answer);
-        let uncertain = |k: &u32| replies[*k as usize].certain == 0;
-        let open: Vec<u32> = (0..replies.len() as u32).filter(uncertain).collect();
-        let open_anywhere = self.agree(points, bad, !open.is_empty())?;
-        for (place, reply) in self.placements.iter_mut().zip(&replies) {
-            place.keep(place.rank, reply);
+        if bad.is_none() {
+            self.answer_own(points, host, &mut answers);
         }
-        if open_anywhere && self.communicator.size() > 1 {
-            self.ask_others(points, &open, &mut replies, &answer);
+        if self.communicator.size() == 1 {
+            return self.agree(points, bad, false).map(|_| ());
         }
-        Ok(replies)
+        let own = self.communicator.rank() as u32;
+        let mut asked: Vec<(u32, u32)> = Vec::new();
+        if bad.is_none() {
+            let hosts = self.placements.iter().map(|place| place.rank);
+            asked.extend((0..).zip(hosts).filter(|&(_, rank)| rank != own));
+        }
+        for (&(k, rank), reply) in asked.iter().zip(self.ask(points, &asked, host)) {
+            self.placements[k as usize].keep(rank, &reply);
+            answers.put(k, &reply.flow);
+        }
+        let uncertain = |k: &u32| !self.placements[*k as usize].certain;
+        let points_here = if bad.is_none() { points.len() } else { 0 };
+        let open: Vec<u32> = (0..points_here as u32).filter(uncertain).collect();
+        if self.agree(points, bad, !open.is_empty())? {
+            self.ask_others(points, &open, host, &mut answers);
+        }
+        Ok(())
+    }
+
+    /// Points that this rank hosts itself: no message, and nothing on the way.
+    fn answer_own<F: Fn(&Location) -> Flow + Sync>(
+        &mut self,
+        points: &[Vector3<f64>],
+        host: &Host<'_, F>,
+        answers: &mut Answers<'_>,
+    ) {
+        let own = self.communicator.rank() as u32;
+        self.placements
+            .par_chunks_mut(GRAIN)
+            .zip(points.par_chunks(GRAIN))
+            .zip(answers.velocity.par_chunks_mut(GRAIN))
+            .zip(answers.gradient.par_chunks_mut(GRAIN))
+            .zip(answers.change.par_chunks_mut(GRAIN))
+            .for_each(|((((places, points), velocity), gradient), change)| {
+                let places = places.iter_mut().zip(points);
+                let answers = velocity.iter_mut().zip(gradient).zip(change);
+                for ((place, point), ((u, g), c)) in places.zip(answers) {
+                    if place.rank == own {
+                        host.reply_here(point, place, Answer(u, g, c));
+                    }
+                }
+            });
     }
 
     /// True when any rank has open points; an error on all ranks when any has a point that is not finite.
@@ -176,28 +306,30 @@ impl Rendezvous {
         }
     }
 
-    /// Second round: all other ranks that may hold something nearer than what the host found.
-    fn ask_others(
+    /// Second round: all other ranks that may hold something nearer than what the host found, against its own word.
+    fn ask_others<F: Fn(&Location) -> Flow + Sync>(
         &mut self,
         points: &[Vector3<f64>],
         open: &[u32],
-        replies: &mut [Reply],
-        answer: &(impl Fn(&Query) -> Reply + Sync),
+        host: &Host<'_, F>,
+        answers: &mut Answers<'_>,
     ) {
         let mut asked = Vec::new();
         for &k in open {
-            let host = self.placements[k as usize].rank;
-            let reach = replies[k as usize].distance + self.quantum;
+            let known = &self.placements[k as usize];
+            asked.push((k, known.rank));
+            let reach = known.distance + self.quantum;
             let near = (0..self.bounds.len() as u32)
-                .filter(|&r| r != host && self.distance(r, &points[k as usize]) <= reach);
+                .filter(|&r| r != known.rank && self.distance(r, &points[k as usize]) <= reach);
             asked.extend(near.map(|r| (k, r)));
         }
-        let answers = self.ask(points, &asked, answer);
-        for (&(k, rank), reply) in asked.iter().zip(answers) {
-            let best = &mut replies[k as usize];
-            if self.key(&reply) < self.key(best) {
-                *best = reply;
-                self.placements[k as usize].keep(rank, &reply);
+        let replies = self.ask(points, &asked, host);
+        let replies: Vec<_> = asked.iter().zip(&replies).collect();
+        for of_point in replies.chunk_by(|a, b| a.0.0 == b.0.0) {
+            let best = of_point.iter().min_by_key(|(_, reply)| self.key(reply));
+            if let Some(&(&(k, rank), reply)) = best {
+                self.placements[k as usize].keep(rank, reply);
+                answers.put(k, &reply.flow);
             }
         }
     }
@@ -208,53 +340,34 @@ impl Rendezvous {
         (reply.distance > 0.0, steps, reply.global_element)
     }
 
-    /// Sends (point, rank) questions and returns the answers in their order. This rank's own are not sent.
-    fn ask(
+    /// Sends (point, rank) questions and returns the answers in their order. This rank's own are not sent. Collective.
+    fn ask<F: Fn(&Location) -> Flow + Sync>(
         &self,
         points: &[Vector3<f64>],
         asked: &[(u32, u32)],
-        answer: &(impl Fn(&Query) -> Reply + Sync),
+        host: &Host<'_, F>,
     ) -> Vec<Reply> {
-        let query = |k: u32, rank: u32| {
+        let mut outgoing = vec![Vec::new(); self.communicator.size()];
+        for &(k, rank) in asked {
             let known = &self.placements[k as usize];
             let same = known.rank == rank;
-            Query {
+            outgoing[rank as usize].push(Query {
                 position: points[k as usize].into(),
                 shift: known.shift,
                 element: if same { known.element } else { UNKNOWN },
-            }
+            });
+        }
+        let answer = |queries: Vec<Query>| -> Vec<Reply> {
+            let queries = queries.par_iter().with_min_len(GRAIN);
+            queries.map(|query| host.reply(query)).collect()
         };
-        let own = self.communicator.rank() as u32;
-        let mut replies = vec![Reply::zeroed(); asked.len()];
-        let (slots, questions) = (replies.par_chunks_mut(GRAIN), asked.par_chunks(GRAIN));
-        slots.zip(questions).for_each(|(slots, questions)| {
-            for (slot, &(k, rank)) in slots.iter_mut().zip(questions) {
-                if rank == own {
-                    *slot = answer(&query(k, rank));
-                }
-            }
-        });
-        if self.communicator.size() == 1 {
-            return replies;
-        }
-        let mut outgoing = vec![Vec::new(); self.communicator.size()];
-        let others = || asked.iter().enumerate().filter(|(_, a)| a.1 != own);
-        for (_, &(k, rank)) in others() {
-            outgoing[rank as usize].push(query(k, rank));
-        }
-        let incoming = self.communicator.exchange(outgoing);
-        let answers = incoming.into_iter();
-        let answers = answers
-            .map(|queries| queries.par_iter().with_min_len(GRAIN).map(answer).collect())
-            .collect();
-        let answered: Vec<Vec<Reply>> = self.communicator.exchange(answers);
-        let mut next = vec![0; answered.len()];
-        for (slot, &(_, rank)) in others() {
-            let place = &mut next[rank as usize];
-            replies[slot] = answered[rank as usize][*place];
-            *place += 1;
-        }
-        replies
+        let incoming = self.communicator.exchange(outgoing).into_iter();
+        let answered = self.communicator.exchange(incoming.map(answer).collect());
+        let mut answered: Vec<_> = answered.into_iter().map(Vec::into_iter).collect();
+        let replies = asked
+            .iter()
+            .filter_map(|&(_, rank)| answered[rank as usize].next());
+        replies.collect()
     }
 
     /// The rank whose bounds are nearest, then whose centre is.
@@ -267,11 +380,13 @@ impl Rendezvous {
         let nearer = |a: &(f64, f64), b: &(f64, f64)| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1));
         let rank = (0..self.bounds.len() as u32).min_by(|&a, &b| nearer(&key(a), &key(b)));
         Placement {
-            rank: rank.unwrap_or(0),
-            element: UNKNOWN,
-            shift: [0; 3],
+            held: *point,
             reference: [0.0; 3],
             distance: 0.0,
+            shift: [0; 3],
+            element: UNKNOWN,
+            rank: rank.unwrap_or(0),
+            certain: false,
         }
     }
 

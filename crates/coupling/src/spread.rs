@@ -2,7 +2,7 @@
 
 use crate::CouplingError;
 use crate::coupling::{Coupling, check_length};
-use fibreflow_fibre::{Ambient, Reaction};
+use fibreflow_fibre::Reaction;
 use fibreflow_parallel::Communicator;
 use nalgebra::Vector3;
 
@@ -42,7 +42,6 @@ impl Coupling {
         check_length("body_force", body_force.len(), self.mesh.total())?;
         let communicator = self.communicator().clone();
         let mut sums = Sums::given(reaction, self.locator.scale());
-        self.nodal.fill([0.0; 4]);
         match self.gaussian.take() {
             None => self.spread_elements(reaction, &mut sums),
             Some(gaussian) => {
@@ -50,42 +49,20 @@ impl Coupling {
                 self.gaussian = Some(gaussian);
             }
         }
-        for (i, total) in self.nodal[..self.mesh.owned()].iter().enumerate() {
+        let nodes = self.nodal.iter_mut().zip(&self.geometry.volumes);
+        for (((total, volume), density), held) in nodes.zip(body_force).zip(&self.no_slip) {
+            // The next spread starts from nothing.
+            let total = std::mem::take(total);
             let force = Vector3::new(total[0], total[1], total[2]);
             sums.force += force;
-            let scale = 1.0 / self.geometry.volumes[i];
-            (0..3).for_each(|c| body_force[i][c] += scale * total[c]);
-            if self.no_slip[i] {
+            let scale = 1.0 / volume;
+            (0..3).for_each(|c| density[c] += scale * total[c]);
+            if *held {
                 sums.on_walls += force;
             }
         }
         sums.outside = self.outside() as f64;
         Ok(sums.report(&communicator))
-    }
-}
-
-impl Coupling {
-    /// Σ_i w_i Σ_q w_qi / V_i at the points of the last sample \[1/m³\], over the nodes that are free to move: by it, a
-    /// density and a time the velocity at a point changes when every point pushes with the same force. Collective.
-    ///
-    /// # Errors
-    /// As [`Coupling::sample`].
-    pub fn response(&mut self, points: &[Vector3<f64>]) -> Result<Vec<f64>, CouplingError> {
-        let unit = Reaction {
-            force: vec![Vector3::x(); points.len()],
-            torque: vec![Vector3::zeros(); points.len()],
-        };
-        let mut density = vec![[0.0; 4]; self.mesh.total()];
-        self.spread(&unit, &mut density)?;
-        for (density, &held) in density.iter_mut().zip(&self.no_slip) {
-            if held {
-                *density = [0.0; 4];
-            }
-        }
-        self.mesh.halo.update(&mut density);
-        let mut ambient = Ambient::default();
-        self.sample(&density, points, &mut ambient)?;
-        Ok(ambient.velocity.iter().map(|u| u.x).collect())
     }
 }
 

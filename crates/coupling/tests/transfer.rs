@@ -268,6 +268,32 @@ fn spreading_is_the_adjoint_of_sampling() {
     }
 }
 
+/// The same force on every point, as a velocity that the points see: nodes that are held give way to nothing.
+#[test]
+fn the_response_is_what_the_points_see_of_a_common_force() {
+    for element in KINDS {
+        let mut case = Case::new(element, [3, 4, 3], [true, false, true], 0.2);
+        let held: Vec<bool> = (0..case.mesh.owned()).map(|i| i % 5 == 0).collect();
+        case.coupling = Case::couple(&case.mesh, &case.geometry, held.clone());
+        let points = case.points(200, [3.0, 1.0, 3.0]);
+        let still = case.field(|_| V3::zeros());
+        case.sample(&still, &points);
+        let found = case.coupling.response(&points).expect("response");
+        let (_, mut velocity) = case.spread(&Reaction {
+            force: vec![V3::x(); points.len()],
+            torque: vec![V3::zeros(); points.len()],
+        });
+        for (u, held) in velocity.iter_mut().zip(&held) {
+            u[0] *= f64::from(u8::from(!held));
+        }
+        let seen = case.sample(&velocity, &points);
+        for (found, expected) in found.iter().zip(&seen.velocity) {
+            let error = (found - expected.x).abs();
+            assert!(error < 1e-12 * expected.x, "{element:?}: {found}");
+        }
+    }
+}
+
 /// 1000 steps of up to two elements through all periodic boundaries; the walk must agree bitwise with a fresh search.
 #[test]
 fn wandering_points_are_never_lost() {

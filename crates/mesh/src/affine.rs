@@ -2,14 +2,14 @@
 //! parallelograms with straight sides. A point is found in them by one product instead of Newton's method.
 
 use crate::ElementKind;
-use crate::shape::{self, Weights, cofactors, dot, minus, relative};
+use crate::jet::Lanes;
+use crate::shape::{self, cofactors, minus, relative};
 
-/// r = J⁻¹ (x − x₀).
+/// r = J⁻¹ (x − x₀): of an element with a linear map, or its tangent at the centre of another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Affine {
-    origin: [f64; 3],
-    /// Rows of J⁻¹ \[1/m\].
-    inverse: [[f64; 3]; 3],
+    /// ∂(r, s, t)/∂x_c \[1/m\] and x₀_c \[m\], for the three c.
+    columns: [Lanes; 3],
 }
 
 impl Affine {
@@ -33,27 +33,45 @@ impl Affine {
         if reference.iter().zip(&x).any(off) || determinant.abs() < f64::MIN_POSITIVE {
             return None;
         }
-        Some(Self {
-            origin: coordinates[0],
-            inverse: rows.map(|row| row.map(|c| c / determinant)),
-        })
+        Some(Self::new(
+            rows.map(|row| row.map(|c| c / determinant)),
+            coordinates[0],
+        ))
+    }
+
+    /// The tangent at the centre of an element with vertices `coordinates` \[m\]; not finite where that is flat.
+    pub fn tangent(kind: ElementKind, coordinates: &[[f64; 3]; 8]) -> Self {
+        let r = shape::centre(kind);
+        let mut tangent = Self::new(
+            shape::inverse_jacobian(kind, coordinates, r),
+            shape::position(kind, coordinates, r),
+        );
+        let columns = shape::jacobian(kind, coordinates, r);
+        for (c, column) in tangent.columns.iter_mut().enumerate() {
+            column[3] -= (0..3).map(|k| r[k] * columns[k][c]).sum::<f64>();
+        }
+        tangent
+    }
+
+    fn new(rows: [[f64; 3]; 3], origin: [f64; 3]) -> Self {
+        let column = |c: usize| [rows[0][c], rows[1][c], rows[2][c], origin[c]];
+        Self {
+            columns: [0, 1, 2].map(column),
+        }
     }
 
     /// Reference point of a physical point \[m\], inside or outside.
+    #[inline(always)]
     pub fn locate(&self, point: [f64; 3]) -> [f64; 3] {
-        let x = minus(point, self.origin);
-        self.inverse.map(|row| dot(row, x))
+        let [a, b, c] = &self.columns;
+        let x = minus(point, [a[3], b[3], c[3]]);
+        std::array::from_fn(|k| x[2].mul_add(c[k], x[1].mul_add(b[k], x[0] * a[k])))
     }
 
-    /// Values and physical gradients at reference point `r`, as [`shape::physical`].
-    pub fn weights(&self, kind: ElementKind, r: [f64; 3]) -> Weights {
-        let [a, b, c] = &self.inverse;
-        let gradient = shape::gradients(kind, r)
-            .map(|g| std::array::from_fn(|k| g[0] * a[k] + g[1] * b[k] + g[2] * c[k]));
-        Weights {
-            n: shape::values(kind, r),
-            gradient,
-        }
+    /// Rows ∇r, ∇s, ∇t of J⁻¹ \[1/m\].
+    #[inline(always)]
+    pub fn inverse_jacobian(&self) -> [[f64; 3]; 3] {
+        std::array::from_fn(|k| self.columns.map(|column| column[k]))
     }
 }
 
@@ -90,12 +108,15 @@ mod tests {
                 for c in 0..3 {
                     assert!((found[c] - newton[c]).abs() < 1e-12, "{kind:?} {c}");
                 }
-                let (a, b) = (affine.weights(kind, r), shape::physical(kind, &x, r));
-                for v in 0..kind.vertices() {
-                    assert!((a.n[v] - b.n[v]).abs() < 1e-14);
+                let rows = shape::inverse_jacobian(kind, &x, r);
+                for (found, expected) in affine.inverse_jacobian().iter().zip(rows) {
                     for c in 0..3 {
-                        assert!((a.gradient[v][c] - b.gradient[v][c]).abs() < 1e-11);
+                        assert!((found[c] - expected[c]).abs() < 1e-11);
                     }
+                }
+                let tangent = Affine::tangent(kind, &x).locate(point);
+                for c in 0..3 {
+                    assert!((tangent[c] - r[c]).abs() < 1e-12, "{kind:?} {c}");
                 }
             }
         }

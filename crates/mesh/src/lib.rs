@@ -11,6 +11,7 @@ pub mod geometry;
 pub mod gmsh;
 mod graph;
 mod jacobian;
+pub mod jet;
 mod line;
 mod local;
 mod pack;

@@ -6,6 +6,7 @@
 //! and reproduce linear fields; entries beyond the kind's vertices are zero.
 
 use crate::ElementKind;
+use crate::jet::{self, Lanes};
 
 /// Shape functions at a point of an element.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,7 +20,7 @@ pub struct Weights {
 /// Newton steps before the inverse map gives up.
 const STEPS: usize = 40;
 /// Reference step after which one more quadratic step would be round-off.
-const CONVERGED: f64 = 1e-9;
+const CONVERGED: f64 = 1e-8;
 /// Distance to the apex below which its direction-dependent gradient is replaced by the one on the axis.
 const APEX: f64 = 1e-12;
 
@@ -124,39 +125,88 @@ pub fn inside(kind: ElementKind, r: [f64; 3], tolerance: f64) -> bool {
     }
 }
 
+/// The face, in the order of [`ElementKind::faces`], that a reference point lies farthest behind.
+pub fn exit(kind: ElementKind, r: [f64; 3]) -> usize {
+    let [r, s, t] = r;
+    let farthest = |behind: &[f64]| {
+        let faces = behind.iter().enumerate();
+        let farther = |a: (usize, f64), b: (usize, f64)| if b.1 > a.1 { b } else { a };
+        faces
+            .fold((0, f64::NEG_INFINITY), |a, (f, &b)| farther(a, (f, b)))
+            .0
+    };
+    match kind {
+        ElementKind::Tetrahedron => farthest(&[-t, -s, r + s + t - 1.0, -r]),
+        ElementKind::Pyramid => farthest(&[-t, -s, r + t - 1.0, s + t - 1.0, -r]),
+        ElementKind::Prism => farthest(&[-t, t - 1.0, -s, r + s - 1.0, -r]),
+        ElementKind::Hexahedron => farthest(&[-t, t - 1.0, -s, r - 1.0, s - 1.0, -r]),
+    }
+}
+
 /// Physical point of reference point `r` \[m\]: Σ N_a x_a.
 pub fn position(kind: ElementKind, coordinates: &[[f64; 3]; 8], r: [f64; 3]) -> [f64; 3] {
-    let n = values(kind, r);
-    std::array::from_fn(|c| (0..8).map(|a| n[a] * coordinates[a][c]).sum())
+    let x = padded(kind, coordinates);
+    let from = three(jet::value(kind, |v| x[v], r));
+    std::array::from_fn(|c| coordinates[0][c] + from[c])
 }
 
 /// Values and physical gradients J⁻ᵀ ∂N_a at reference point `r` of an element with vertices `coordinates` \[m\].
 pub fn physical(kind: ElementKind, coordinates: &[[f64; 3]; 8], r: [f64; 3]) -> Weights {
-    let reference = gradients(kind, r);
-    let columns = jacobian(kind, &relative(kind, coordinates), &reference);
-    let (cofactors, determinant) = cofactors(&columns);
-    let gradient = reference.map(|g| {
-        std::array::from_fn(|c| {
-            (g[0] * cofactors[0][c] + g[1] * cofactors[1][c] + g[2] * cofactors[2][c]) / determinant
-        })
-    });
+    let rows = inverse_jacobian(kind, coordinates, r);
+    let gradient = gradients(kind, r)
+        .map(|g| std::array::from_fn(|c| (0..3).map(|k| g[k] * rows[k][c]).sum()));
     Weights {
         n: values(kind, r),
         gradient,
     }
 }
 
-/// Reference point of a physical point \[m\], by Newton's method (one step where the map is linear).
+/// Rows ∇r, ∇s, ∇t of J⁻¹ \[1/m\] at reference point `r` of an element with vertices `coordinates` \[m\].
+#[inline]
+pub fn inverse_jacobian(
+    kind: ElementKind,
+    coordinates: &[[f64; 3]; 8],
+    r: [f64; 3],
+) -> [[f64; 3]; 3] {
+    let (rows, determinant) = cofactors(&jacobian(kind, coordinates, r));
+    rows.map(|row| row.map(|c| c / determinant))
+}
+
+/// Columns ∂x/∂r, ∂x/∂s, ∂x/∂t \[m\].
+#[inline(always)]
+pub(crate) fn jacobian(
+    kind: ElementKind,
+    coordinates: &[[f64; 3]; 8],
+    r: [f64; 3],
+) -> [[f64; 3]; 3] {
+    let x = padded(kind, coordinates);
+    jet::jet(kind, |v| x[v], r).along.map(three)
+}
+
+/// Reference point of a physical point \[m\], by Newton's method from the centre (one step where the map is linear).
 ///
 /// The answer may lie outside the element: ask [`inside`]. None when no answer is found, as may happen for points far
 /// from a distorted element.
 pub fn locate(kind: ElementKind, coordinates: &[[f64; 3]; 8], point: [f64; 3]) -> Option<[f64; 3]> {
-    let x = relative(kind, coordinates);
+    locate_from(kind, coordinates, point, centre(kind))
+}
+
+/// As [`locate`], from `start`.
+#[inline]
+pub fn locate_from(
+    kind: ElementKind,
+    coordinates: &[[f64; 3]; 8],
+    point: [f64; 3],
+    start: [f64; 3],
+) -> Option<[f64; 3]> {
+    let x = padded(kind, coordinates);
     let target = minus(point, coordinates[0]);
-    let mut r = centre(kind);
-    let mut residual = minus(target, position(kind, &x, r));
+    let at = |r: [f64; 3]| jet::jet(kind, |v| x[v], r);
+    let mut r = start;
+    let mut here = at(r);
+    let mut residual = minus(target, three(here.value));
     for _ in 0..STEPS {
-        let (cofactors, determinant) = cofactors(&jacobian(kind, &x, &gradients(kind, r)));
+        let (cofactors, determinant) = cofactors(&here.along.map(three));
         let step: [f64; 3] = std::array::from_fn(|k| dot(cofactors[k], residual) / determinant);
         let length = step.iter().fold(0.0, |m: f64, s| m.max(s.abs()));
         if !length.is_finite() {
@@ -167,10 +217,11 @@ pub fn locate(kind: ElementKind, coordinates: &[[f64; 3]; 8], point: [f64; 3]) -
         let start = r;
         loop {
             r = std::array::from_fn(|k| start[k] + fraction * step[k]);
-            residual = minus(target, position(kind, &x, r));
             if length < CONVERGED {
                 return Some(r);
             }
+            here = at(r);
+            residual = minus(target, three(here.value));
             if dot(residual, residual) < old {
                 break;
             }
@@ -232,31 +283,33 @@ pub fn vertices(kind: ElementKind) -> &'static [[f64; 3]] {
 
 /// Vertices relative to the first one, so that round-off scales with the element and not with its place.
 pub(crate) fn relative(kind: ElementKind, coordinates: &[[f64; 3]; 8]) -> [[f64; 3]; 8] {
-    let mut x = [[0.0; 3]; 8];
+    padded(kind, coordinates).map(three)
+}
+
+#[inline(always)]
+fn padded(kind: ElementKind, coordinates: &[[f64; 3]; 8]) -> [Lanes; 8] {
+    let mut x = [[0.0; 4]; 8];
     for a in 1..kind.vertices() {
-        x[a] = minus(coordinates[a], coordinates[0]);
+        let [u, v, w] = minus(coordinates[a], coordinates[0]);
+        x[a] = [u, v, w, 0.0];
     }
     x
 }
 
-/// Columns ∂x/∂r, ∂x/∂s, ∂x/∂t.
-fn jacobian(kind: ElementKind, x: &[[f64; 3]; 8], gradients: &[[f64; 3]; 8]) -> [[f64; 3]; 3] {
-    std::array::from_fn(|k| {
-        std::array::from_fn(|c| {
-            (0..kind.vertices())
-                .map(|a| gradients[a][k] * x[a][c])
-                .sum()
-        })
-    })
+#[inline(always)]
+fn three(x: Lanes) -> [f64; 3] {
+    [x[0], x[1], x[2]]
 }
 
 /// Rows of the inverse Jacobian times its determinant, and the determinant.
+#[inline(always)]
 pub(crate) fn cofactors(columns: &[[f64; 3]; 3]) -> ([[f64; 3]; 3], f64) {
     let [a, b, c] = *columns;
     let rows = [cross(b, c), cross(c, a), cross(a, b)];
     (rows, dot(a, rows[0]))
 }
 
+#[inline(always)]
 pub(crate) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [
         a[1] * b[2] - a[2] * b[1],
@@ -265,10 +318,12 @@ pub(crate) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     ]
 }
 
+#[inline(always)]
 pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
+#[inline(always)]
 pub(crate) fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }

@@ -210,14 +210,16 @@ impl Exchange {
             let [_, memory] = self.columns(fibres.carried());
             self.correct(fibres, points, &memory, ambient);
         }
-        ambient.travel.clear();
-        for p in 0..points.position.len() {
-            let slope = ambient.change[p];
-            let travel = dt * (ambient.gradient[p] * points.velocity[p]);
-            let change = dt * slope + travel;
-            ambient.velocity[p] += 0.5 * (dt * slope + change);
-            ambient.change[p] = change;
-            ambient.travel.push(travel);
+        ambient
+            .travel
+            .resize(points.velocity.len(), Vector3::zeros());
+        let flow = ambient.velocity.iter_mut().zip(&ambient.gradient);
+        let changes = ambient.change.iter_mut().zip(&mut ambient.travel);
+        for (((u, gradient), (change, travel)), v) in flow.zip(changes).zip(&points.velocity) {
+            *travel = dt * (gradient * v);
+            let slope = dt * *change;
+            *change = slope + *travel;
+            *u += 0.5 * (slope + *change);
         }
         Ok(())
     }
@@ -283,10 +285,10 @@ impl Exchange {
         if !self.two_way {
             return Ok(None);
         }
-        let [own, mut memory] = self.columns(fibres.carried());
         let (carried, reaction) = fibres.carried_mut();
         let report = self.spread_into(fluid.body_force_mut(), reaction)?;
         if let Some(undisturbed) = &self.undisturbed {
+            let [own, mut memory] = self.columns(carried);
             undisturbed.remember(&mut memory, points, ambient, reaction, dt);
             self.put(carried, &[own, memory]);
         }

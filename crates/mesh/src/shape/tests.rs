@@ -189,3 +189,17 @@ fn points_nearby_are_mapped_outside_not_lost() {
         }
     }
 }
+
+#[test]
+fn a_point_before_a_face_has_left_through_it() {
+    for kind in ElementKind::ALL {
+        let (corners, centre) = (vertices(kind), centre(kind));
+        for (f, face) in kind.faces().iter().enumerate() {
+            let middle =
+                |k: usize| face.iter().map(|&v| corners[v][k]).sum::<f64>() / face.len() as f64;
+            let before = [0, 1, 2].map(|k| centre[k] + 1.5 * (middle(k) - centre[k]));
+            assert!(!inside(kind, before, 0.0));
+            assert_eq!(exit(kind, before), f, "{} {f}", kind.name());
+        }
+    }
+}

@@ -1,0 +1,99 @@
+//! How the flow gives way to the forces of the points.
+
+use crate::{Coupling, CouplingError};
+use bytemuck::{Pod, Zeroable};
+use fibreflow_fibre::{Ambient, Reaction};
+use fibreflow_mesh::shape;
+use nalgebra::Vector3;
+
+/// A place in an element of the rank that is asked.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+struct Share {
+    reference: [f64; 3],
+    element: u64,
+}
+
+impl Coupling {
+    /// Σ_i w_i Σ_q w_qi / V_i at the points of the last sample \[1/m³\], over the nodes that are free to move: by it, a
+    /// density and a time the velocity at a point changes when every point pushes with the same force. Collective.
+    ///
+    /// # Errors
+    /// As [`Coupling::sample`].
+    pub fn response(&mut self, points: &[Vector3<f64>]) -> Result<Vec<f64>, CouplingError> {
+        if self.gaussian.is_none() && self.rendezvous.placements.len() == points.len() {
+            return Ok(self.response_in_elements());
+        }
+        let unit = Reaction {
+            force: vec![Vector3::x(); points.len()],
+            torque: vec![Vector3::zeros(); points.len()],
+        };
+        let mut density = vec![[0.0; 4]; self.mesh.total()];
+        self.spread(&unit, &mut density)?;
+        for (density, &held) in density.iter_mut().zip(&self.no_slip) {
+            if held {
+                *density = [0.0; 4];
+            }
+        }
+        self.mesh.halo.update(&mut density);
+        let mut ambient = Ambient::default();
+        self.sample(&density, points, &mut ambient)?;
+        Ok(ambient.velocity.iter().map(|u| u.x).collect())
+    }
+
+    /// By shape functions alone, where the points were found last.
+    fn response_in_elements(&self) -> Vec<f64> {
+        let communicator = self.communicator();
+        let own = communicator.rank() as u32;
+        let elements = &self.mesh.elements;
+        let places = &self.rendezvous.placements;
+        let mut outgoing = vec![Vec::new(); communicator.size()];
+        for place in places.iter().filter(|place| place.rank != own) {
+            outgoing[place.rank as usize].push(Share {
+                reference: place.reference,
+                element: place.element.into(),
+            });
+        }
+        let incoming = communicator.exchange(outgoing);
+        let weights = |element: usize, reference: [f64; 3]| {
+            let n = shape::values(self.locator.kind(element), reference);
+            elements.nodes(element).iter().map(|&i| i as usize).zip(n)
+        };
+        let mut density = vec![[0.0]; self.mesh.total()];
+        let mut add = |element: usize, reference: [f64; 3]| {
+            weights(element, reference).for_each(|(i, n)| density[i][0] += n);
+        };
+        for place in places.iter().filter(|place| place.rank == own) {
+            add(place.element as usize, place.reference);
+        }
+        for share in incoming.iter().flatten() {
+            add(share.element as usize, share.reference);
+        }
+        self.mesh.halo.accumulate(&mut density);
+        let nodes = density.iter_mut().zip(&self.geometry.volumes);
+        for (([density], volume), &held) in nodes.zip(&self.no_slip) {
+            *density = if held { 0.0 } else { *density / volume };
+        }
+        self.mesh.halo.update(&mut density);
+        let at = |element: usize, reference: [f64; 3]| -> f64 {
+            weights(element, reference)
+                .map(|(i, n)| n * density[i][0])
+                .sum()
+        };
+        let answer = |shares: &Vec<Share>| {
+            let each = shares.iter();
+            each.map(|share| at(share.element as usize, share.reference))
+                .collect::<Vec<f64>>()
+        };
+        let answered = communicator.exchange(incoming.iter().map(answer).collect());
+        let mut answered: Vec<_> = answered.into_iter().map(Vec::into_iter).collect();
+        let response = places.iter().map(|place| {
+            if place.rank == own {
+                at(place.element as usize, place.reference)
+            } else {
+                answered[place.rank as usize].next().unwrap_or_default()
+            }
+        });
+        response.collect()
+    }
+}
