@@ -19,8 +19,10 @@ mod predict;
 mod project;
 mod rows;
 mod settings;
+mod spectrum;
 mod state;
 mod sub_steps;
+mod turbulence;
 
 pub use boundary::{BoundaryCondition, Signal, TimeTable, VelocityProfile};
 pub use creeping::CreepingStep;
@@ -34,4 +36,6 @@ pub use predict::Prediction;
 pub use settings::{
     Diffusion, FluidSettings, Forcing, Inertia, Kernels, Mass, PressurePreconditioner, Projections,
 };
+pub use spectrum::EnergySpectrum;
 pub use state::FluidState;
+pub use turbulence::TurbulenceBudget;

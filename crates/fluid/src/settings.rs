@@ -170,11 +170,18 @@ impl FluidSettings {
                 positive("bulk velocity", *value)?;
             }
         }
+        if let Forcing::Linear { rate, energy } = self.forcing {
+            positive("rate of linear forcing", rate)?;
+            positive("energy of linear forcing", energy.unwrap_or(1.0))?;
+            if !self.boundary.is_empty() || self.inertia != Inertia::Full {
+                return Err(FluidError::NotPeriodic);
+            }
+        }
         Ok(())
     }
 }
 
-/// A force per volume that is the same everywhere.
+/// What drives a flow besides boundaries and the body-force field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Forcing {
     /// Constant driving force −∇P \[Pa/m\], P the mean pressure.
@@ -185,6 +192,14 @@ pub enum Forcing {
         direction: [f64; 3],
         /// Mean velocity over the domain \[m/s\].
         value: f64,
+    },
+    /// Linear forcing of isotropic turbulence in periodic boxes, f/ρ = A (u − ū) (Lundgren 2003; Rosales & Meneveau 2005;
+    /// K 5.3.2), or A (K₀/K)(u − ū), whose power 2AK₀ is constant (Carroll & Blanquart 2013).
+    Linear {
+        /// A \[1/s\].
+        rate: f64,
+        /// K₀ \[m²/s²\], where the power is held.
+        energy: Option<f64>,
     },
 }
 
@@ -198,7 +213,7 @@ impl Forcing {
     /// Unit vector of a bulk-velocity controller and the velocity to hold.
     pub(crate) fn controlled(&self) -> Option<([f64; 3], f64)> {
         match *self {
-            Self::PressureGradient(_) => None,
+            Self::PressureGradient(_) | Self::Linear { .. } => None,
             Self::BulkVelocity { direction, value } => {
                 let norm = length(direction);
                 Some((direction.map(|d| d / norm), value))

@@ -152,6 +152,19 @@ pub enum Initial {
         #[serde(default)]
         seed: u64,
     },
+    /// Isotropic turbulence in a box that is periodic in all directions: random divergence-free waves whose energy is
+    /// E ∝ k⁴ exp(−2(k/k₀)²), the same on any mesh.
+    Isotropic {
+        /// Root mean square of a component of the velocity [m/s].
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        intensity: f64,
+        /// Wavelength 2π/k₀ of the largest energy [m]; waves down to a third of it take part.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        wavelength: f64,
+        /// Seed of the waves.
+        #[serde(default)]
+        seed: u64,
+    },
     /// From formulas in x, y, z [m]: + − * / ^, parentheses, `pi`, and sin, cos, tan, sinh, cosh, tanh, exp, log, sqrt, abs.
     Expression {
         /// Formulas of the three components [m/s].
@@ -200,6 +213,18 @@ pub enum Forcing {
         direction: [f64; 3],
         /// Mean velocity [m/s].
         value: f64,
+    },
+    /// A force per mass A (u − ū) that keeps isotropic turbulence alive in a mesh that is periodic in all directions
+    /// (Lundgren 2003; Rosales & Meneveau 2005).
+    Linear {
+        /// A [1/s]. The turnover time K/ε becomes 1/(2A), the large eddies about a fifth of the box.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        rate: f64,
+        /// K₀ [m²/s²]: the force is A (K₀/K)(u − ū), K the kinetic energy of the moment, and its power 2AK₀ constant (Carroll &
+        /// Blanquart 2013). Default: K₀ = K.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        energy: Option<f64>,
     },
 }
 

@@ -41,6 +41,13 @@ pub struct Output {
     /// Statistics of directions and shapes of the fibres, in `series/orientation.csv` and `series/shape.csv`. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub observables: Option<Observables>,
+    /// Energy budget and scales of turbulence, in `series/turbulence.csv`. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub turbulence: Option<Schedule>,
+    /// Energy spectrum E(k) [m³/s²] by shells, in `series/spectrum.csv` with the wave numbers [1/m] as columns; on boxes of uniform
+    /// hexahedra that are periodic in all directions. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub spectrum: Option<Schedule>,
     /// Fibres, by number from 0, of which a series is kept: middle, ends, end-to-end vector.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub track: Vec<u64>,
@@ -61,6 +68,8 @@ impl Default for Output {
             checkpoint: Schedule::default(),
             loads: None,
             observables: None,
+            turbulence: None,
+            spectrum: None,
             track: Vec::new(),
             wall_time_limit: None,
         }
@@ -69,7 +78,7 @@ impl Default for Output {
 
 impl Output {
     /// Everything that is done from time to time.
-    pub fn schedules(&self) -> [Schedule; 5] {
+    pub fn schedules(&self) -> [Schedule; 7] {
         let loads = self.loads.as_ref().map(|l| l.schedule(&self.series));
         let observables = self.observables.as_ref();
         let observables = observables.map(|o| o.schedule(&self.series));
@@ -79,6 +88,8 @@ impl Output {
             self.checkpoint.clone(),
             loads.unwrap_or_default(),
             observables.unwrap_or_default(),
+            self.turbulence.clone().unwrap_or_default(),
+            self.spectrum.clone().unwrap_or_default(),
         ]
     }
 }

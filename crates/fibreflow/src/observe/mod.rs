@@ -6,6 +6,7 @@ mod progress;
 mod save;
 mod series;
 mod stress;
+mod turbulence;
 mod vtk;
 
 pub use loads::{LoadSummary, PatchSummary, loads};
@@ -25,6 +26,7 @@ use series::AllSeries;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use turbulence::TurbulenceSeries;
 use vtk::VtkOutput;
 
 /// Why a run stops before its end.
@@ -61,6 +63,7 @@ pub struct Observers {
     series: AllSeries,
     loads: Option<LoadSeries>,
     fibres: Option<FibreSeries>,
+    turbulence: TurbulenceSeries,
     vtk: VtkOutput,
     progress: Progress,
     signal: Arc<AtomicBool>,
@@ -88,6 +91,7 @@ impl Observers {
             series: AllSeries::open(case, folder, scene, resumed.then_some(clock.step))?,
             loads: LoadSeries::open(case, folder, scene, resumed.then_some(clock.step))?,
             fibres: FibreSeries::open(case, folder, scene, resumed.then_some(clock.step))?,
+            turbulence: TurbulenceSeries::open(case, folder, scene, resumed.then_some(clock.step))?,
             vtk: VtkOutput::new(folder, scene, resumed.then_some(clock.time))?,
             progress: Progress::new(clock),
             folder: folder.to_owned(),
@@ -113,6 +117,8 @@ impl Observers {
             if let Some(fibres) = &mut self.fibres {
                 fibres.write(scene, clock)?;
             }
+            self.turbulence.write(scene, clock, false)?;
+            self.turbulence.write(scene, clock, true)?;
             self.vtk.write(scene, clock)?;
         }
         self.progress.start(log);
@@ -140,6 +146,7 @@ impl Observers {
         if let Some(fibres) = self.fibres.as_mut().filter(|f| f.is_due(clock)) {
             fibres.write(scene, clock)?;
         }
+        self.turbulence.write(scene, clock, false)?;
         if clock.is_due(&self.output.vtk) {
             self.vtk.write(scene, clock)?;
         }
@@ -183,6 +190,9 @@ impl Observers {
         {
             fibres.write(scene, clock)?;
         }
+        if self.moved {
+            self.turbulence.write(scene, clock, true)?;
+        }
         self.flush()?;
         if self.moved && !clock.is_due(&self.output.vtk) {
             self.vtk.write(scene, clock)?;
@@ -195,6 +205,7 @@ impl Observers {
 
     fn flush(&mut self) -> Result<(), ProgramError> {
         self.series.flush()?;
+        self.turbulence.flush()?;
         self.loads.as_mut().map_or(Ok(()), LoadSeries::flush)?;
         self.fibres.as_mut().map_or(Ok(()), FibreSeries::flush)
     }

@@ -27,6 +27,10 @@ pub fn settings(
             }
             Forcing::PressureGradient(*value)
         }
+        case::Forcing::Linear { rate, energy } => Forcing::Linear {
+            rate: *rate,
+            energy: *energy,
+        },
         case::Forcing::BulkVelocity { direction, value } => Forcing::BulkVelocity {
             direction: *direction,
             value: *value,

@@ -203,6 +203,11 @@ impl Operators {
         sum
     }
 
+    /// V G u of one row, \[d\]\[c\] = V ∂_d u_c \[m³/s\]; `u` is valid.
+    pub fn velocity_gradient_row(&self, u: &[[f64; 4]], i: usize) -> [[f64; 4]; 3] {
+        pairs::velocity_gradient_row(&self.geometry, u, i)
+    }
+
     /// out_i = `finish`(x_i, Σ_j w_ij (x_j − x_i), values of the two `given` fields at i, old out_i) of a scalar.
     pub fn laplacian(
         &self,

@@ -226,6 +226,26 @@ pub(super) fn gradient_row(geometry: &DualGeometry, p: &[f64], i: usize) -> [f64
     sum
 }
 
+/// V G u of one row, \[d\]\[c\] = V ∂_d u_c; `u` is valid.
+#[inline(always)]
+pub(super) fn velocity_gradient_row(
+    geometry: &DualGeometry,
+    u: &[[f64; 4]],
+    i: usize,
+) -> [[f64; 4]; 3] {
+    let range = geometry.row(i);
+    let faces = &geometry.faces[range.clone()];
+    let (own, mut sum) = (u[i], [[0.0; 4]; 3]);
+    for (&j, s) in geometry.columns[range].iter().zip(faces) {
+        let other = u[j as usize];
+        for (d, sum) in sum.iter_mut().enumerate() {
+            let half = 0.5 * s[d];
+            (0..4).for_each(|c| sum[c] += half * (other[c] - own[c]));
+        }
+    }
+    sum
+}
+
 /// ½(u_i + u_j)·S_ij, antisymmetric bitwise.
 #[inline(always)]
 fn interpolated(u: [f64; 4], v: [f64; 4], s: &[f64; 4]) -> f64 {
