@@ -1,6 +1,6 @@
 //! What a flow is made of: fluid, boundary conditions, forcing, tolerances.
 
-use crate::{BoundaryCondition, FluidError, Signal};
+use crate::{BoundaryCondition, EddyViscosity, FluidError, Signal};
 use fibreflow_solve::CgSettings;
 
 /// Everything [`crate::Fluid`] needs besides the mesh. SI units.
@@ -35,6 +35,8 @@ pub struct FluidSettings {
     pub kernels: Kernels,
     /// Which inertia the flow has.
     pub inertia: Inertia,
+    /// Stress of the motion that the mesh does not resolve; none in a direct simulation.
+    pub turbulence: Option<EddyViscosity>,
     /// In a flow without convection: where nothing resists a uniform flow (periodic boxes), the net force is balanced by
     /// a uniform pressure gradient and the mean velocity kept. Always so in steady flow.
     pub hold_mean_velocity: bool,
@@ -137,6 +139,7 @@ impl FluidSettings {
             mass: Mass::default(),
             kernels: Kernels::default(),
             inertia: Inertia::default(),
+            turbulence: None,
             hold_mean_velocity: false,
         }
     }
@@ -168,6 +171,12 @@ impl FluidSettings {
             positive("length of the bulk direction", length(*direction))?;
             if !value.is_finite() {
                 positive("bulk velocity", *value)?;
+            }
+        }
+        if let Some(model) = &self.turbulence {
+            positive("constant of the eddy viscosity", model.constant)?;
+            if self.inertia != Inertia::Full {
+                return Err(FluidError::EddiesWithoutConvection);
             }
         }
         if let Forcing::Linear { rate, energy } = self.forcing {

@@ -5,7 +5,7 @@ use fibreflow_parallel::block_sums;
 
 /// Means over the domain, by mass.
 ///
-/// dK/dt = power − dissipation in a periodic box, but for what the time scheme takes: the dissipation is the work of the
+/// dK/dt = power − dissipation − eddy_dissipation in a periodic box, but for what the time scheme takes: the dissipation is the work of the
 /// scheme's own viscous operator.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TurbulenceBudget {
@@ -13,6 +13,10 @@ pub struct TurbulenceBudget {
     pub kinetic_energy: f64,
     /// ε = −ν⟨u·L u⟩ \[m²/s³\].
     pub dissipation: f64,
+    /// Work of the eddy viscosity, −⟨u·∇·(2ν_t S)⟩ \[m²/s³\].
+    pub eddy_dissipation: f64,
+    /// ⟨ν_t⟩ \[m²/s\].
+    pub eddy_viscosity: f64,
     /// Power of linear forcing, of driving and of body forces \[m²/s³\].
     pub power: f64,
     /// ½⟨|∇ × u|²⟩ with the gradient at nodes \[1/s²\].
@@ -96,9 +100,12 @@ impl Fluid {
             Forcing::PressureGradient(_) | Forcing::BulkVelocity { .. } => 0.0,
         };
         let kinematic_viscosity = self.settings.kinematic_viscosity();
+        let [eddy_dissipation, eddy_viscosity] = self.eddy_dissipation();
         TurbulenceBudget {
             kinetic_energy,
             dissipation: kinematic_viscosity * viscous,
+            eddy_dissipation,
+            eddy_viscosity,
             power: linear + (driven + pushed) / density,
             enstrophy,
             skewness: skewness.sum::<f64>() / 3.0,

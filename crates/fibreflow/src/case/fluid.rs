@@ -42,6 +42,9 @@ pub struct Fluid {
     /// What drives the flow. Default: nothing.
     #[serde(default)]
     pub forcing: Forcing,
+    /// Stress of the motion that the mesh does not resolve, as 2ν_t S with an eddy viscosity ν_t, advanced explicitly. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub turbulence: Option<Turbulence>,
     /// Constant forces on the fluid around points.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub forces: Vec<PointForce>,
@@ -226,6 +229,30 @@ pub enum Forcing {
         #[schemars(extend("exclusiveMinimum" = 0))]
         energy: Option<f64>,
     },
+}
+
+/// An eddy viscosity ν_t = (C Δ)² × a rate from the velocity gradient, Δ the cube root of the dual volume; zero on walls.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Turbulence {
+    /// Which rate.
+    pub model: TurbulenceModel,
+    /// C. Default: 0.17 (smagorinsky), 0.5 (wale), 1.35 (sigma).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub constant: Option<f64>,
+}
+
+/// Model of an eddy viscosity.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum TurbulenceModel {
+    /// The rate of strain (Smagorinsky 1963); too much in laminar shear and at walls.
+    Smagorinsky,
+    /// Of the square of the gradient; none in pure shear, with the cube of the distance at walls (Nicoud & Ducros 1999).
+    Wale,
+    /// Of the singular values of the gradient; none in two-dimensional flow and rotation either (Nicoud et al. 2011).
+    Sigma,
 }
 
 /// Solver of the pressure equation.

@@ -8,9 +8,11 @@ use crate::scene::Scene;
 use fibreflow_fluid::{EnergySpectrum, Fluid};
 use std::path::Path;
 
-const BUDGET: [&str; 11] = [
+const BUDGET: [&str; 13] = [
     "kinetic_energy",
     "dissipation",
+    "eddy_dissipation",
+    "eddy_viscosity",
     "power",
     "enstrophy",
     "skewness",
@@ -115,6 +117,8 @@ fn budget(fluid: &Fluid) -> [f64; BUDGET.len()] {
     [
         budget.kinetic_energy,
         budget.dissipation,
+        budget.eddy_dissipation,
+        budget.eddy_viscosity,
         budget.power,
         budget.enstrophy,
         budget.skewness,

@@ -18,13 +18,15 @@
 mod lattice;
 mod lines;
 mod pairs;
+mod stress;
 
 use crate::Kernels;
 use fibreflow_mesh::{DualGeometry, LocalMesh};
-use fibreflow_parallel::{Halo, Portable};
+use fibreflow_parallel::{Communicator, Halo, Portable};
 use lattice::Lattice;
 use pairs::Pairs;
 use std::sync::Arc;
+pub(crate) use stress::Stress;
 
 /// The pairs of a rank with what the kernels read often in compact form.
 #[derive(Clone, Debug)]
@@ -104,6 +106,10 @@ impl Operators {
     /// 1/V of the owned nodes \[1/m³\].
     pub fn inverse_volumes(&self) -> &[f64] {
         &self.inverse_volumes
+    }
+
+    pub fn communicator(&self) -> &Communicator {
+        self.halo.communicator()
     }
 
     /// Length of a field of pair fluxes.

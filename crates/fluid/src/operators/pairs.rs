@@ -8,7 +8,7 @@ use std::sync::Arc;
 /// Rows of [`DualGeometry`].
 #[derive(Clone, Debug)]
 pub(super) struct Pairs {
-    geometry: Arc<DualGeometry>,
+    pub geometry: Arc<DualGeometry>,
     /// Owned rows that read halo entries; empty when none does.
     pub border: Vec<bool>,
     /// Diffusive weight w of every entry \[m\].

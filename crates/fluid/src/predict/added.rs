@@ -1,6 +1,6 @@
-//! What is added to the rate of change of a sub-step where a flow has it: linear forcing.
+//! What is added to the rate of change of a sub-step where a flow has it: linear forcing, stress of unresolved motion.
 
-use crate::rows::{self, sum};
+use crate::rows::{self, nothing, sum};
 use crate::{Fluid, Forcing};
 use fibreflow_parallel::block_sums;
 
@@ -10,6 +10,35 @@ impl Fluid {
         if let Forcing::Linear { rate, energy } = self.settings.forcing {
             self.add_linear_forcing((rate, energy), gamma, velocity);
         }
+        self.add_eddy_stress(gamma, velocity);
+    }
+
+    /// V ∇·(2ν_t S), explicit whatever diffusion is.
+    fn add_eddy_stress(&mut self, gamma: f64, is_velocity: bool) {
+        let Some(eddy) = &mut self.eddy else {
+            return;
+        };
+        let (operators, momentum) = (&self.operators, &mut self.momentum);
+        let inverse = operators.inverse_volumes();
+        let out = (&mut momentum.rate[..], &mut momentum.next[..inverse.len()]);
+        eddy.apply(operators, &self.velocity, out, |i, force, rate, next| {
+            let scale = gamma * if is_velocity { inverse[i] } else { 1.0 };
+            for c in 0..3 {
+                rate[c] += force[c];
+                next[c] += scale * force[c];
+            }
+        });
+    }
+
+    /// The bound of the spectrum at the start, by which the first step is chosen. Collective.
+    pub(crate) fn find_eddy_rate(&mut self) {
+        let Some(eddy) = &mut self.eddy else {
+            return;
+        };
+        let rows = self.operators.volumes().len();
+        let (mut a, mut b) = (nothing(rows), nothing(rows));
+        let out = (&mut a[..], &mut b[..]);
+        eddy.apply(&self.operators, &self.velocity, out, |_, _, (), ()| {});
     }
 
     /// V A (u − ū), see [`Forcing::Linear`]: no net force.
