@@ -2,7 +2,7 @@
 //!
 //! V ∇·(ν_t (∇u + ∇uᵀ))_i = Σ_j ν_ij w_ij (u_j − u_i) + Σ_j ½(ν_i ∇u_iᵀ + ν_j ∇u_jᵀ)·S_ij: the first part is as compact as the
 //! Laplacian, the second the conserving divergence, minus the adjoint of the gradient. What pairs exchange is antisymmetric. ν_ij is the
-//! mean of both nodes; where w_ij < 0 their smaller, as a mean would let a pair feed energy. On two-point meshes
+//! mean of both nodes; where w_ij < 0 their harmonic mean: at most twice the smaller, so that the pair cannot feed more than others take. On two-point meshes
 //! ½Σ_j w_ij |u_j − u_i|² ≥ V |G u_i|², so that u·∇·(…) ≤ −Σ V 2ν_t S:S ≤ 0; with ν_t = const and weights of any mesh it
 //! is the operator of that viscosity. No stress acts on the boundary by itself: what walls take is booked with their constraints.
 
@@ -18,7 +18,7 @@ pub(crate) type Stress = [[f64; 4]; 3];
 #[inline(always)]
 fn between(weight: f64, own: f64, other: f64) -> f64 {
     if weight < 0.0 {
-        own.min(other)
+        2.0 * own * other / (own + other).max(f64::MIN_POSITIVE)
     } else {
         0.5 * (own + other)
     }
