@@ -24,6 +24,12 @@ pub fn describe(scene: &Scene, case: &Case) -> Vec<String> {
         if let Some(inertia) = scene.flow.inertia() {
             lines.push(format!("  {inertia}"));
         }
+        if let Some(eddies) = &solver.settings().turbulence {
+            lines.push(format!(
+                "  eddy viscosity: {:?}, C = {}, explicit",
+                eddies.model, eddies.constant
+            ));
+        }
         if scene.flow.convects() {
             lines.push(format!("  {}", solver.pressure_choice()));
         }

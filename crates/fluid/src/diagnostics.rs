@@ -83,7 +83,8 @@ impl Fluid {
     }
 
     /// Largest step of Courant number `cfl`, see [`Fluid::courant_number`], and not above `longest` \[s\]. The scheme is
-    /// stable up to √3, mass is corrected up to 1.23. Where the settings ask for explicit diffusion, its stability limits the step too.
+    /// stable up to √3, mass is corrected up to 1.23. Where the settings ask for explicit diffusion, its stability limits the step too,
+    /// and so does that of an eddy viscosity.
     pub fn suggest_dt(&self, cfl: f64, longest: f64) -> f64 {
         let by_flow = cfl / self.flux_rate;
         let dt = if by_flow.is_nan() {
@@ -92,7 +93,10 @@ impl Fluid {
             longest.min(by_flow)
         };
         match self.settings.diffusion {
-            Diffusion::Explicit => dt.min(self.longest_explicit_step()),
+            Diffusion::Explicit => dt.min(self.longest_explicit_step(self.viscous_rate)),
+            Diffusion::Auto | Diffusion::Implicit if self.eddy.is_some() => {
+                dt.min(self.longest_explicit_step(0.0))
+            }
             Diffusion::Auto | Diffusion::Implicit => dt,
         }
     }

@@ -30,6 +30,8 @@ pub struct DiffusionChoice {
     pub viscous_number: f64,
     /// The same of what is explicit: of the other two directions where diffusion is implicit along one.
     pub explicit_number: f64,
+    /// The same of the eddy viscosity of the sub-step before, which is always explicit.
+    pub eddy_number: f64,
     /// Δt max ½ Σ_j |F_ij|/V_i of the last projected fluxes.
     pub courant_number: f64,
     /// Lumped mass was corrected, see [`Mass`]: not where that would be unstable.
@@ -52,7 +54,7 @@ impl DiffusionChoice {
         } else {
             [1.0; 2]
         };
-        square(diffusion * viscous_number / REAL_LIMIT)
+        square(diffusion * (viscous_number + self.eddy_number) / REAL_LIMIT)
             + square(convection * self.courant_number / IMAGINARY_LIMIT)
             <= 1.0
     }
@@ -75,9 +77,14 @@ impl std::fmt::Display for DiffusionChoice {
         };
         write!(
             f,
-            "diffusion {how}: viscous number {:.3} ({:.3} explicit), Courant number {:.3}, {why}{}",
+            "diffusion {how}: viscous number {:.3} ({:.3} explicit){}, Courant number {:.3}, {why}{}",
             self.viscous_number,
             self.explicit_number,
+            if self.eddy_number > 0.0 {
+                format!(", {:.3} of eddies", self.eddy_number)
+            } else {
+                String::new()
+            },
             self.courant_number,
             if self.corrected_mass {
                 ", mass corrected"
@@ -95,6 +102,7 @@ impl Fluid {
         let mut choice = DiffusionChoice {
             viscous_number,
             explicit_number: viscous_number,
+            eddy_number: dt * self.eddy_rate(),
             courant_number: dt * self.flux_rate,
             corrected_mass: self.settings.mass == Mass::Corrected
                 && !self.operators.geometry.orthogonal
@@ -102,6 +110,7 @@ impl Fluid {
             forced: self.settings.diffusion != Diffusion::Auto,
             ..DiffusionChoice::default()
         };
+        choice.corrected_mass &= self.eddy.is_none() || choice.allows(0.0);
         if self.settings.diffusion == Diffusion::Explicit {
             choice.corrected_mass &= choice.allows_explicit();
         }
@@ -135,12 +144,17 @@ impl Fluid {
         nu * self.mesh.halo.communicator().max(largest)
     }
 
-    /// Longest step that explicit diffusion allows with the present fluxes \[s\].
-    pub(crate) fn longest_explicit_step(&self) -> f64 {
+    /// Longest step that the explicit scheme allows with the present fluxes and eddies, and explicit diffusion of `rate` \[1/s\] \[s\].
+    pub(crate) fn longest_explicit_step(&self, rate: f64) -> f64 {
         let (real, imaginary) = (
-            self.viscous_rate / REAL_LIMIT,
+            (rate + self.eddy_rate()) / REAL_LIMIT,
             self.flux_rate / IMAGINARY_LIMIT,
         );
         real.hypot(imaginary).recip()
+    }
+
+    /// Bound of the spectrum of the eddy viscosity \[1/s\].
+    fn eddy_rate(&self) -> f64 {
+        self.eddy.as_ref().map_or(0.0, |eddy| eddy.rate)
     }
 }

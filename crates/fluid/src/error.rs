@@ -24,6 +24,14 @@ pub enum FluidError {
         /// Patches of the mesh.
         expected: usize,
     },
+    /// Linear forcing where it has no meaning.
+    #[error(
+        "linear forcing needs a mesh that is periodic in all directions, and a flow with convection"
+    )]
+    NotPeriodic,
+    /// An eddy viscosity in creeping flow.
+    #[error("an eddy viscosity needs a flow with convection")]
+    EddiesWithoutConvection,
     /// No node of an outlet carries its pressure: all of them belong to walls or inlets too.
     #[error("outlet `{patch}` has no node of its own: all of them lie on walls or inlets as well")]
     EmptyOutlet {

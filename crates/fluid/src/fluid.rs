@@ -2,6 +2,7 @@
 
 use crate::boundary::Boundary;
 use crate::creeping::Creeping;
+use crate::eddy::{Eddy, walls};
 use crate::mismatch::Mismatch;
 use crate::operators::Operators;
 use crate::poisson::Pressure;
@@ -31,6 +32,8 @@ pub struct Fluid {
     pub(crate) mismatch: Mismatch,
     /// What a flow without inertia needs; none in a flow with it.
     pub(crate) creeping: Option<Creeping>,
+    /// What a turbulence model needs.
+    pub(crate) eddy: Option<Box<Eddy>>,
     /// u \[m/s\], point values at nodes (x, y, z, 0); valid between steps.
     pub(crate) velocity: Vec<[f64; 4]>,
     /// p/ρ \[m²/s²\]; valid between steps.
@@ -105,6 +108,10 @@ impl Fluid {
             momentum: Momentum::new(&mesh, &geometry, &boundary)?,
             poisson: Pressure::new(&mesh, &geometry, &operators, &boundary, &settings)?,
             mismatch: Mismatch::new(&mesh, &operators, &boundary),
+            eddy: settings.turbulence.map(|model| {
+                let walls = walls(&geometry, &settings);
+                Box::new(Eddy::new(model, &mesh, walls))
+            }),
             velocity: vec![[0.0; 4]; total],
             pressure: vec![0.0; total],
             flux: vec![0.0; entries],
@@ -147,6 +154,7 @@ impl Fluid {
         (0..START_CYCLES).for_each(|_| self.clean(0.0));
         self.project(0.0)?;
         self.flux_other.copy_from_slice(&self.flux);
+        self.find_eddy_rate();
         self.check_finite()
     }
 

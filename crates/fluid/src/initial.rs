@@ -2,6 +2,9 @@
 //!
 //! [`crate::Fluid::set_velocity`] takes any of them and projects it.
 
+mod isotropic;
+pub use isotropic::Isotropic;
+
 use crate::settings::cross;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;

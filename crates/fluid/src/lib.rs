@@ -5,6 +5,7 @@ mod boundary;
 mod creeping;
 mod diagnostics;
 mod diffusion;
+mod eddy;
 mod error;
 mod fluid;
 pub mod initial;
@@ -19,13 +20,16 @@ mod predict;
 mod project;
 mod rows;
 mod settings;
+mod spectrum;
 mod state;
 mod statistics;
 mod sub_steps;
+mod turbulence;
 
 pub use boundary::{BoundaryCondition, Signal, TimeTable, VelocityProfile};
 pub use creeping::CreepingStep;
 pub use diffusion::DiffusionChoice;
+pub use eddy::{EddyModel, EddyViscosity};
 pub use error::FluidError;
 pub use fluid::{Fluid, StepReport};
 pub use loads::PatchLoad;
@@ -35,7 +39,9 @@ pub use predict::Prediction;
 pub use settings::{
     Diffusion, FluidSettings, Forcing, Inertia, Kernels, Mass, PressurePreconditioner, Projections,
 };
+pub use spectrum::EnergySpectrum;
 pub use state::FluidState;
 pub use statistics::{
     Averaging, Column, Friction, LineSpectrum, Statistics, StatisticsReport, StatisticsSettings,
 };
+pub use turbulence::TurbulenceBudget;

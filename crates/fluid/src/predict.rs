@@ -20,6 +20,7 @@ use fibreflow_parallel::block_sums;
 use fibreflow_solve::{CgSettings, ConjugateGradients, Jacobi, PairMatrix};
 use std::sync::Arc;
 
+mod added;
 mod direct;
 mod implicit;
 mod mass;
@@ -236,6 +237,7 @@ impl Fluid {
             },
         );
         self.flow_through(gamma, true);
+        self.add_rates(gamma, true);
         self.move_boundary(passed, step, dt);
         if correcting {
             self.correct_step();
@@ -311,6 +313,7 @@ impl Fluid {
             },
         );
         self.flow_through(gamma, false);
+        self.add_rates(gamma, false);
         self.confine_explicit_part();
     }
 
@@ -346,6 +349,7 @@ impl Fluid {
             },
         );
         self.flow_through(gamma, false);
+        self.add_rates(gamma, false);
         self.confine_explicit_part();
     }
 

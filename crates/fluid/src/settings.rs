@@ -1,6 +1,6 @@
 //! What a flow is made of: fluid, boundary conditions, forcing, tolerances.
 
-use crate::{BoundaryCondition, FluidError, Signal};
+use crate::{BoundaryCondition, EddyViscosity, FluidError, Signal};
 use fibreflow_solve::CgSettings;
 
 /// Everything [`crate::Fluid`] needs besides the mesh. SI units.
@@ -35,6 +35,8 @@ pub struct FluidSettings {
     pub kernels: Kernels,
     /// Which inertia the flow has.
     pub inertia: Inertia,
+    /// Stress of the motion that the mesh does not resolve; none in a direct simulation.
+    pub turbulence: Option<EddyViscosity>,
     /// In a flow without convection: where nothing resists a uniform flow (periodic boxes), the net force is balanced by
     /// a uniform pressure gradient and the mean velocity kept. Always so in steady flow.
     pub hold_mean_velocity: bool,
@@ -137,6 +139,7 @@ impl FluidSettings {
             mass: Mass::default(),
             kernels: Kernels::default(),
             inertia: Inertia::default(),
+            turbulence: None,
             hold_mean_velocity: false,
         }
     }
@@ -170,11 +173,24 @@ impl FluidSettings {
                 positive("bulk velocity", *value)?;
             }
         }
+        if let Some(model) = &self.turbulence {
+            positive("constant of the eddy viscosity", model.constant)?;
+            if self.inertia != Inertia::Full {
+                return Err(FluidError::EddiesWithoutConvection);
+            }
+        }
+        if let Forcing::Linear { rate, energy } = self.forcing {
+            positive("rate of linear forcing", rate)?;
+            positive("energy of linear forcing", energy.unwrap_or(1.0))?;
+            if !self.boundary.is_empty() || self.inertia != Inertia::Full {
+                return Err(FluidError::NotPeriodic);
+            }
+        }
         Ok(())
     }
 }
 
-/// A force per volume that is the same everywhere.
+/// What drives a flow besides boundaries and the body-force field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Forcing {
     /// Constant driving force −∇P \[Pa/m\], P the mean pressure.
@@ -185,6 +201,14 @@ pub enum Forcing {
         direction: [f64; 3],
         /// Mean velocity over the domain \[m/s\].
         value: f64,
+    },
+    /// Linear forcing of isotropic turbulence in periodic boxes, f/ρ = A (u − ū) (Lundgren 2003; Rosales & Meneveau 2005;
+    /// K 5.3.2), or A (K₀/K)(u − ū), whose power 2AK₀ is constant (Carroll & Blanquart 2013).
+    Linear {
+        /// A \[1/s\].
+        rate: f64,
+        /// K₀ \[m²/s²\], where the power is held.
+        energy: Option<f64>,
     },
 }
 
@@ -198,7 +222,7 @@ impl Forcing {
     /// Unit vector of a bulk-velocity controller and the velocity to hold.
     pub(crate) fn controlled(&self) -> Option<([f64; 3], f64)> {
         match *self {
-            Self::PressureGradient(_) => None,
+            Self::PressureGradient(_) | Self::Linear { .. } => None,
             Self::BulkVelocity { direction, value } => {
                 let norm = length(direction);
                 Some((direction.map(|d| d / norm), value))

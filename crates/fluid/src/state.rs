@@ -26,6 +26,7 @@ const FLUX: &str = "fluid.flux";
 const FLUX_PREVIOUS: &str = "fluid.flux_previous";
 const TIME: &str = "fluid.time";
 const FLUX_RATE: &str = "fluid.flux_rate";
+const EDDY_RATE: &str = "fluid.eddy_rate";
 const LAST_DT: &str = "fluid.last_dt";
 const STEPS: &str = "fluid.steps";
 const DRIVING: [&str; 3] = ["fluid.driving_x", "fluid.driving_y", "fluid.driving_z"];
@@ -83,6 +84,9 @@ impl Fluid {
             (STEPS.to_owned(), self.steps as f64),
         ];
         scalars.extend(DRIVING.map(str::to_owned).into_iter().zip(self.driving));
+        if let Some(eddy) = &self.eddy {
+            scalars.push((EDDY_RATE.to_owned(), eddy.rate));
+        }
         let mut fields = vec![
             (VELOCITY.to_owned(), 3, components),
             node(PRESSURE, &self.pressure),
@@ -129,6 +133,8 @@ impl Fluid {
         let through = self.boundary.moves.then(|| state.node(THROUGH, 2, owned));
         let through = through.transpose()?;
         let flux_rate = state.scalar(FLUX_RATE)?;
+        let eddy_rate = (self.eddy.as_ref()).map(|_| state.scalar(EDDY_RATE));
+        let eddy_rate = eddy_rate.transpose()?;
         let mut driving = [0.0; 3];
         for (value, name) in driving.iter_mut().zip(DRIVING) {
             *value = state.scalar(name)?;
@@ -147,6 +153,9 @@ impl Fluid {
         self.mesh.halo.update(&mut self.velocity);
         self.mesh.halo.update(&mut self.pressure);
         self.flux_rate = flux_rate;
+        if let (Some(eddy), Some(rate)) = (&mut self.eddy, eddy_rate) {
+            eddy.rate = rate;
+        }
         (self.last_dt, self.steps, self.driving) = (last_dt, steps as u64, driving);
         self.time = time;
         if let Some(through) = through {

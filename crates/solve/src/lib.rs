@@ -21,7 +21,7 @@ mod vectors;
 pub use amg::{Amg, AmgSettings};
 pub use cg::{CgSettings, ConjugateGradients, NullSpace, SolveReport};
 pub use deflation::{Deflation, DeflationSettings};
-pub use direct::Direct;
+pub use direct::{Direct, Waves};
 pub use error::SolveError;
 pub use helmholtz::Helmholtz;
 pub use matrix::PairMatrix;

@@ -42,6 +42,9 @@ pub struct Fluid {
     /// What drives the flow. Default: nothing.
     #[serde(default)]
     pub forcing: Forcing,
+    /// Stress of the motion that the mesh does not resolve, as 2ν_t S with an eddy viscosity ν_t, advanced explicitly. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub turbulence: Option<Turbulence>,
     /// Constant forces on the fluid around points.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub forces: Vec<PointForce>,
@@ -152,6 +155,19 @@ pub enum Initial {
         #[serde(default)]
         seed: u64,
     },
+    /// Isotropic turbulence in a box that is periodic in all directions: random divergence-free waves whose energy is
+    /// E ∝ k⁴ exp(−2(k/k₀)²), the same on any mesh.
+    Isotropic {
+        /// Root mean square of a component of the velocity [m/s].
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        intensity: f64,
+        /// Wavelength 2π/k₀ of the largest energy [m]; waves down to a third of it take part.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        wavelength: f64,
+        /// Seed of the waves.
+        #[serde(default)]
+        seed: u64,
+    },
     /// From formulas in x, y, z [m]: + − * / ^, parentheses, `pi`, and sin, cos, tan, sinh, cosh, tanh, exp, log, sqrt, abs.
     Expression {
         /// Formulas of the three components [m/s].
@@ -201,6 +217,42 @@ pub enum Forcing {
         /// Mean velocity [m/s].
         value: f64,
     },
+    /// A force per mass A (u − ū) that keeps isotropic turbulence alive in a mesh that is periodic in all directions
+    /// (Lundgren 2003; Rosales & Meneveau 2005).
+    Linear {
+        /// A [1/s]. The turnover time K/ε becomes 1/(2A), the large eddies about a fifth of the box.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        rate: f64,
+        /// K₀ [m²/s²]: the force is A (K₀/K)(u − ū), K the kinetic energy of the moment, and its power 2AK₀ constant (Carroll &
+        /// Blanquart 2013). Default: K₀ = K.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        energy: Option<f64>,
+    },
+}
+
+/// An eddy viscosity ν_t = (C Δ)² × a rate from the velocity gradient, Δ the cube root of the dual volume; zero on walls.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Turbulence {
+    /// Which rate.
+    pub model: TurbulenceModel,
+    /// C. Default: 0.17 (smagorinsky), 0.5 (wale), 1.35 (sigma).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub constant: Option<f64>,
+}
+
+/// Model of an eddy viscosity.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum TurbulenceModel {
+    /// The rate of strain (Smagorinsky 1963); too much in laminar shear and at walls.
+    Smagorinsky,
+    /// Of the square of the gradient; none in pure shear, with the cube of the distance at walls (Nicoud & Ducros 1999).
+    Wale,
+    /// Of the singular values of the gradient; none in two-dimensional flow and rotation either (Nicoud et al. 2011).
+    Sigma,
 }
 
 /// Solver of the pressure equation.

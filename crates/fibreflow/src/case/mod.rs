@@ -37,7 +37,7 @@ pub use fibres::{
 };
 pub use fluid::{
     ChannelProfile, Diffusion, Fluid, Forcing, Inertia, Initial, Kernels, Mass, Poisson,
-    Preconditioner,
+    Preconditioner, Turbulence, TurbulenceModel,
 };
 pub use force::PointForce;
 pub use loads::{Coefficients, Loads};

@@ -47,6 +47,13 @@ pub struct Output {
     /// The flow at chosen points. Default: none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub samples: Vec<Samples>,
+    /// Energy budget and scales of turbulence, in `series/turbulence.csv`. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub turbulence: Option<Schedule>,
+    /// Energy spectrum E(k) [m³/s²] by shells, in `series/spectrum.csv` with the wave numbers [1/m] as columns; on boxes of uniform
+    /// hexahedra that are periodic in all directions. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub spectrum: Option<Schedule>,
     /// Fibres, by number from 0, of which a series is kept: middle, ends, end-to-end vector.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub track: Vec<u64>,
@@ -69,6 +76,8 @@ impl Default for Output {
             observables: None,
             statistics: None,
             samples: Vec::new(),
+            turbulence: None,
+            spectrum: None,
             track: Vec::new(),
             wall_time_limit: None,
         }
@@ -89,6 +98,8 @@ impl Output {
             loads.unwrap_or_default(),
             observables.unwrap_or_default(),
             statistics.unwrap_or_default(),
+            self.turbulence.clone().unwrap_or_default(),
+            self.spectrum.clone().unwrap_or_default(),
         ];
         all.extend(self.samples.iter().map(|s| s.schedule(&self.series)));
         all

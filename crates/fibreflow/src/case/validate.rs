@@ -24,6 +24,7 @@ pub(super) fn validate(case: &Case, document: &Document) -> Checked {
     ] {
         check_schedule(name, schedule, document)?;
     }
+    check_turbulence(case, document)?;
     check_loads(case, document)?;
     check_statistics(case, document)?;
     check_samples(case, document)?;
@@ -176,6 +177,42 @@ fn check_margin(case: &Case, observables: &Observables, document: &Document) -> 
             let message = format!("`{path} = {margin}` leaves nothing of a box {size} m wide");
             Err(document.value_error(path, message))
         }
+    }
+}
+
+fn check_turbulence(case: &Case, document: &Document) -> Checked {
+    let wanted = [
+        ("turbulence", &case.output.turbulence),
+        ("spectrum", &case.output.spectrum),
+    ];
+    for (name, schedule) in wanted {
+        let Some(schedule) = schedule else { continue };
+        check_schedule(name, schedule, document)?;
+        if case.fluid.is_none() {
+            let path = format!("output.{name}");
+            let message = format!("`{path}` needs a fluid on a mesh");
+            return Err(document.error(&path, message));
+        }
+    }
+    let Some(MeshSource::Box { periodic, .. }) = &case.mesh else {
+        return Ok(());
+    };
+    let fluid = case.fluid.as_ref();
+    let linear = fluid.is_some_and(|f| matches!(f.forcing, Forcing::Linear { .. }));
+    let isotropic = fluid.is_some_and(|f| matches!(f.initial, Initial::Isotropic { .. }));
+    let needs = [
+        ("fluid.forcing.kind", linear),
+        ("fluid.initial.kind", isotropic),
+        ("output.spectrum", case.output.spectrum.is_some()),
+    ];
+    match needs.into_iter().find(|(_, needs)| *needs) {
+        Some((path, _)) if *periodic != [true; 3] => {
+            let message = format!("`{path}`: this needs a box that is periodic in all directions");
+            Err(document
+                .error(path, message)
+                .with_help("set `mesh.periodic = [true, true, true]`"))
+        }
+        _ => Ok(()),
     }
 }
 

@@ -8,6 +8,7 @@ mod save;
 mod series;
 mod statistics;
 mod stress;
+mod turbulence;
 mod vtk;
 
 pub use loads::{LoadSummary, PatchSummary, loads};
@@ -29,6 +30,7 @@ use statistics::StatisticsOutput;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use turbulence::TurbulenceSeries;
 use vtk::VtkOutput;
 
 /// Why a run stops before its end.
@@ -67,6 +69,7 @@ pub struct Observers {
     fibres: Option<FibreSeries>,
     statistics: Option<StatisticsOutput>,
     samples: Option<SampleOutput>,
+    turbulence: TurbulenceSeries,
     vtk: VtkOutput,
     progress: Progress,
     signal: Arc<AtomicBool>,
@@ -98,6 +101,7 @@ impl Observers {
             fibres: FibreSeries::open(case, folder, scene, resumed.then_some(clock.step))?,
             statistics: StatisticsOutput::open(case, folder, scene, clock, kept)?,
             samples: SampleOutput::open(case, folder, scene, resumed.then_some(clock))?,
+            turbulence: TurbulenceSeries::open(case, folder, scene, resumed.then_some(clock.step))?,
             vtk: VtkOutput::new(folder, scene, resumed.then_some(clock.time))?,
             progress: Progress::new(clock),
             folder: folder.to_owned(),
@@ -123,6 +127,8 @@ impl Observers {
             if let Some(fibres) = &mut self.fibres {
                 fibres.write(scene, clock)?;
             }
+            self.turbulence.write(scene, clock, false)?;
+            self.turbulence.write(scene, clock, true)?;
             self.vtk.write(scene, clock)?;
             if let Some(samples) = &mut self.samples {
                 samples.write(scene, clock)?;
@@ -164,6 +170,7 @@ impl Observers {
         if let Some(samples) = &mut self.samples {
             samples.write(scene, clock)?;
         }
+        self.turbulence.write(scene, clock, false)?;
         if clock.is_due(&self.output.vtk) {
             self.vtk.write(scene, clock)?;
         }
@@ -207,6 +214,9 @@ impl Observers {
         {
             fibres.write(scene, clock)?;
         }
+        if self.moved {
+            self.turbulence.write(scene, clock, true)?;
+        }
         self.flush()?;
         if self.moved && !clock.is_due(&self.output.vtk) {
             self.vtk.write(scene, clock)?;
@@ -219,6 +229,7 @@ impl Observers {
 
     fn flush(&mut self) -> Result<(), ProgramError> {
         self.series.flush()?;
+        self.turbulence.flush()?;
         self.loads.as_mut().map_or(Ok(()), LoadSeries::flush)?;
         self.fibres.as_mut().map_or(Ok(()), FibreSeries::flush)?;
         self.samples.as_mut().map_or(Ok(()), SampleOutput::flush)?;

@@ -138,18 +138,24 @@ impl DataSet<'_> {
     }
 }
 
-/// Velocity \[m/s\], pressure \[Pa\], body force \[N/m³\].
+/// Velocity \[m/s\], pressure \[Pa\], body force \[N/m³\]; eddy viscosity \[m²/s\] where there is a model.
 fn fluid_piece(grid: &Grid, fluid: &Fluid) -> Piece {
     let density = fluid.settings().density;
     let mut pressure = fluid.pressure_everywhere();
     pressure.iter_mut().for_each(|p| *p *= density);
     let mut force = fluid.body_force().to_vec();
     fluid.mesh().halo.update(&mut force);
-    grid.piece(vec![
+    let mut arrays = vec![
         grid.vector("velocity", fluid.velocity()),
         grid.scalar("pressure", &pressure),
         grid.vector("body_force", &force),
-    ])
+    ];
+    if let Some(mut viscosity) = fluid.eddy_viscosity() {
+        viscosity.resize(fluid.mesh().total(), 0.0);
+        fluid.mesh().halo.update(&mut viscosity);
+        arrays.push(grid.scalar("eddy_viscosity", &viscosity));
+    }
+    grid.piece(arrays)
 }
 
 /// One polyline a fibre, shifted as a whole so that its middle lies in the first period.

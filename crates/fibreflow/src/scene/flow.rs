@@ -294,13 +294,23 @@ fn check_step(case: &Case, document: &Document, fluid: &Fluid) -> Result<(), Pro
     if stable >= step * (1.0 - 1e-9) {
         return Ok(());
     }
+    let eddies = fluid.settings().turbulence.is_some();
+    let (what, help) = if eddies {
+        (
+            "the eddy viscosity",
+            "a smaller step, or `time.cfl` in its place",
+        )
+    } else {
+        (
+            "`fluid.diffusion = \"explicit\"`",
+            "a smaller step, `time.cfl` in its place, or diffusion \"auto\" or \"implicit\"",
+        )
+    };
     let error = document.value_error(
         "time.step",
-        format!("`time.step = {step}` is beyond the limit of `fluid.diffusion = \"explicit\"`: {stable:.4e} s at the start"),
+        format!("`time.step = {step}` is beyond the limit of {what}: {stable:.4e} s at the start"),
     );
-    Err(error
-        .with_help("a smaller step, `time.cfl` in its place, or diffusion \"auto\" or \"implicit\"")
-        .into())
+    Err(error.with_help(help).into())
 }
 
 /// Owned nodes whose velocity is given.

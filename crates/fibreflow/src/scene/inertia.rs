@@ -103,6 +103,14 @@ impl InertiaChoice {
             let help = "`order = 2`, or `inertia = \"full\"`";
             return refuse("fluid.order", "must be 2 without convection", help);
         }
+        if fluid.turbulence.is_some() {
+            let help = "remove it, or set `inertia = \"full\"`";
+            return refuse("fluid.turbulence", "needs a flow with convection", help);
+        }
+        if matches!(fluid.forcing, Forcing::Linear { .. }) {
+            let help = "linear forcing keeps turbulence alive: `inertia = \"full\"`";
+            return refuse("fluid.forcing.kind", "needs a flow with convection", help);
+        }
         let convective = |b: &&Boundary| matches!(b, Boundary::ConvectiveOutlet { .. });
         let mut conditions = fluid.boundaries.iter();
         match conditions.find(|(_, b)| convective(b)) {
@@ -207,7 +215,9 @@ fn speed_at_start(initial: &Initial) -> Result<f64, String> {
         Initial::TaylorGreen {
             amplitude, drift, ..
         } => Ok(amplitude.abs() + drift[0].hypot(drift[1])),
-        Initial::PerturbedChannel { .. } => Err("`fluid.initial` has random eddies".to_owned()),
+        Initial::PerturbedChannel { .. } | Initial::Isotropic { .. } => {
+            Err("`fluid.initial` has random eddies".to_owned())
+        }
         Initial::Expression { .. } | Initial::File { .. } => {
             Err("`fluid.initial` is a formula or file".to_owned())
         }
@@ -219,6 +229,7 @@ fn speed_of_forcing(fluid: &case::Fluid, extent: f64) -> Result<f64, String> {
     let open = "`fluid.forcing` drives a flow that nothing holds";
     match &fluid.forcing {
         Forcing::None => Ok(0.0),
+        Forcing::Linear { .. } => Err("`fluid.forcing` grows with the flow".to_owned()),
         Forcing::BulkVelocity { value, .. } => Ok(2.25 * value.abs()),
         Forcing::PressureGradient { value, factor } => {
             let holds = |b: &Boundary| !matches!(b, Boundary::Slip {} | Boundary::Outlet { .. });

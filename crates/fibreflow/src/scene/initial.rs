@@ -3,7 +3,7 @@
 use super::expression::Expression;
 use crate::case::{ChannelProfile, Domain, Initial};
 use crate::error::ProgramError;
-use fibreflow_fluid::initial::{self, MeanProfile, PerturbedChannel, TaylorGreen};
+use fibreflow_fluid::initial::{self, Isotropic, MeanProfile, PerturbedChannel, TaylorGreen};
 use std::collections::HashMap;
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -53,6 +53,23 @@ pub fn velocity_field(
                 kinematic_viscosity: 0.0,
             };
             Box::new(move |x| vortices.velocity(0.0, x))
+        }
+        Initial::Isotropic {
+            intensity,
+            wavelength,
+            seed,
+        } => {
+            let domain = domain.ok_or_else(|| {
+                ProgramError::input("`fluid.initial.kind = \"isotropic\"` needs a box mesh")
+            })?;
+            let field = Isotropic {
+                origin: domain.origin,
+                size: domain.size,
+                intensity: *intensity,
+                wavelength: *wavelength,
+                seed: *seed,
+            };
+            Box::new(field.field())
         }
         Initial::Expression { velocity } => {
             let read = |c: usize| {

@@ -3,7 +3,8 @@
 use super::boundary::Boundaries;
 use crate::case::{self, CaseError};
 use fibreflow_fluid::{
-    Diffusion, FluidSettings, Forcing, Inertia, Kernels, Mass, PressurePreconditioner, Projections,
+    Diffusion, EddyModel, EddyViscosity, FluidSettings, Forcing, Inertia, Kernels, Mass,
+    PressurePreconditioner, Projections,
 };
 use fibreflow_solve::CgSettings;
 
@@ -27,12 +28,25 @@ pub fn settings(
             }
             Forcing::PressureGradient(*value)
         }
+        case::Forcing::Linear { rate, energy } => Forcing::Linear {
+            rate: *rate,
+            energy: *energy,
+        },
         case::Forcing::BulkVelocity { direction, value } => Forcing::BulkVelocity {
             direction: *direction,
             value: *value,
         },
     };
     settings.inertia = inertia;
+    settings.turbulence = fluid.turbulence.as_ref().map(|turbulence| {
+        let (model, usual) = match turbulence.model {
+            case::TurbulenceModel::Smagorinsky => (EddyModel::Smagorinsky, 0.17),
+            case::TurbulenceModel::Wale => (EddyModel::Wale, 0.5),
+            case::TurbulenceModel::Sigma => (EddyModel::Sigma, 1.35),
+        };
+        let constant = turbulence.constant.unwrap_or(usual);
+        EddyViscosity { model, constant }
+    });
     settings.hold_mean_velocity = fluid.hold_mean_velocity;
     settings.kernels = match fluid.kernels {
         case::Kernels::Auto => Kernels::Auto,

@@ -26,7 +26,7 @@ struct Task<'a, A, B> {
 impl Lattice {
     /// Calls `kernel(line, its fluxes, its parts of a and b)` for every owned line of a part and combines what it returns,
     /// over a tree that depends on the number of lines alone. `flux` is empty where none are written.
-    fn each<A: Send, B: Send>(
+    pub fn each<A: Send, B: Send>(
         &self,
         part: Part,
         flux: &mut [f64],

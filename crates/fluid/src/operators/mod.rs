@@ -18,13 +18,15 @@
 mod lattice;
 mod lines;
 mod pairs;
+mod stress;
 
 use crate::Kernels;
 use fibreflow_mesh::{DualGeometry, LocalMesh};
-use fibreflow_parallel::{Halo, Portable};
+use fibreflow_parallel::{Communicator, Halo, Portable};
 use lattice::Lattice;
 use pairs::Pairs;
 use std::sync::Arc;
+pub(crate) use stress::Stress;
 
 /// The pairs of a rank with what the kernels read often in compact form.
 #[derive(Clone, Debug)]
@@ -104,6 +106,10 @@ impl Operators {
     /// 1/V of the owned nodes \[1/m³\].
     pub fn inverse_volumes(&self) -> &[f64] {
         &self.inverse_volumes
+    }
+
+    pub fn communicator(&self) -> &Communicator {
+        self.halo.communicator()
     }
 
     /// Length of a field of pair fluxes.
@@ -201,6 +207,11 @@ impl Operators {
             (0..4).for_each(|c| sum[c] += s[3] * (u[j as usize][c] - u[i][c]));
         }
         sum
+    }
+
+    /// V G u of one row, \[d\]\[c\] = V ∂_d u_c \[m³/s\]; `u` is valid.
+    pub fn velocity_gradient_row(&self, u: &[[f64; 4]], i: usize) -> [[f64; 4]; 3] {
+        pairs::velocity_gradient_row(&self.geometry, u, i)
     }
 
     /// out_i = `finish`(x_i, Σ_j w_ij (x_j − x_i), values of the two `given` fields at i, old out_i) of a scalar.

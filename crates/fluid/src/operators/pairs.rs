@@ -8,7 +8,7 @@ use std::sync::Arc;
 /// Rows of [`DualGeometry`].
 #[derive(Clone, Debug)]
 pub(super) struct Pairs {
-    geometry: Arc<DualGeometry>,
+    pub geometry: Arc<DualGeometry>,
     /// Owned rows that read halo entries; empty when none does.
     pub border: Vec<bool>,
     /// Diffusive weight w of every entry \[m\].
@@ -222,6 +222,26 @@ pub(super) fn gradient_row(geometry: &DualGeometry, p: &[f64], i: usize) -> [f64
     for (&j, s) in geometry.columns[range].iter().zip(faces) {
         let step = 0.5 * (p[j as usize] - own);
         (0..3).for_each(|c| sum[c] += step * s[c]);
+    }
+    sum
+}
+
+/// V G u of one row, \[d\]\[c\] = V ∂_d u_c; `u` is valid.
+#[inline(always)]
+pub(super) fn velocity_gradient_row(
+    geometry: &DualGeometry,
+    u: &[[f64; 4]],
+    i: usize,
+) -> [[f64; 4]; 3] {
+    let range = geometry.row(i);
+    let faces = &geometry.faces[range.clone()];
+    let (own, mut sum) = (u[i], [[0.0; 4]; 3]);
+    for (&j, s) in geometry.columns[range].iter().zip(faces) {
+        let other = u[j as usize];
+        for (d, sum) in sum.iter_mut().enumerate() {
+            let half = 0.5 * s[d];
+            (0..4).for_each(|c| sum[c] += half * (other[c] - own[c]));
+        }
     }
     sum
 }

@@ -15,6 +15,7 @@ mod fourier;
 mod plane;
 mod slabs;
 mod spectrum;
+mod waves;
 
 use crate::vectors::{BLOCK, Partials};
 use crate::{Preconditioner, SolveError};
@@ -24,6 +25,7 @@ use fibreflow_parallel::{Communicator, Halo};
 use plane::{PlaneTransform, Room};
 use rayon::prelude::*;
 use slabs::{Shares, SlabRoom, Slabs, Transposition};
+pub use waves::Waves;
 
 /// Bytes of the planes that are transformed at a time by one thread: they wait in its cache to be dealt out to modes.
 const BATCH_BYTES: usize = 1 << 18;
