@@ -1,4 +1,4 @@
-"""Hybrid mesh of the pipe: rings of hexahedra on the wall, tetrahedra in the middle, pyramids between (needs `pip install gmsh`).
+"""Hybrid mesh of the pipe: rings of hexahedra on the wall, prisms in the middle (needs `pip install gmsh`).
 
     python mesh.py [--around 64] [--along 80] [--layers 16] [--out hybrid.msh]
 
@@ -31,40 +31,24 @@ def build(options):
         geo.mesh.setTransfiniteCurve(arc, quarter + 1)
     for spoke in spokes:
         geo.mesh.setTransfiniteCurve(spoke, options.layers + 1, "Progression", options.ratio)
-    ring, bottom_inner, walls, top_inner = [], [], [], []
+    sections = []
     for k in range(4):
-        following = (k + 1) % 4
-        loop = geo.addCurveLoop([spokes[k], outer[k], -spokes[following], -inner[k]])
-        surface = geo.addPlaneSurface([loop])
-        geo.mesh.setTransfiniteSurface(surface)
-        geo.mesh.setRecombine(2, surface)
-        ring.append(surface)
-    tops = []
-    volumes = []
-    for surface in ring:
-        made = geo.extrude([(2, surface)], options.length, 0, 0, numElements=[options.along], recombine=True)
-        tops.append(made[0][1])
-        volumes.append(made[1][1])
-        # Lateral surfaces in the order of the curves: spoke, outer arc, spoke, inner arc.
-        walls.append(made[3][1])
-        bottom_inner.append(made[5][1])
-    geo.synchronize()
-    # The middle, between the inner sides of the rings and two discs.
-    for surface in tops:
-        ends = gmsh.model.getBoundary([(2, surface)], oriented=False)
-        lateral = {tag for side in bottom_inner for _, tag in gmsh.model.getBoundary([(2, side)], oriented=False)}
-        top_inner += [tag for _, tag in ends if tag in lateral]
-    discs = [geo.addPlaneSurface([geo.addCurveLoop(curves, reorient=True)]) for curves in (inner, top_inner)]
-    middle = geo.addVolume([geo.addSurfaceLoop(discs + bottom_inner)])
+        loop = geo.addCurveLoop([spokes[k], outer[k], -spokes[(k + 1) % 4], -inner[k]])
+        sections.append(geo.addPlaneSurface([loop]))
+        geo.mesh.setTransfiniteSurface(sections[-1])
+        geo.mesh.setRecombine(2, sections[-1])
+    sections.append(geo.addPlaneSurface([geo.addCurveLoop(inner)]))
+    made = [geo.extrude([(2, s)], options.length, 0, 0, numElements=[options.along], recombine=True) for s in sections]
+    # Lateral surfaces in the order of the curves: spoke, outer arc, spoke, inner arc.
+    walls = [m[3][1] for m in made[:4]]
     geo.synchronize()
     along_x = [1, 0, 0, options.length, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
-    gmsh.model.mesh.setPeriodic(2, [discs[1], *tops], [discs[0], *ring], along_x)
+    gmsh.model.mesh.setPeriodic(2, [m[0][1] for m in made], sections, along_x)
     gmsh.model.addPhysicalGroup(2, walls, name="wall")
-    gmsh.model.addPhysicalGroup(3, volumes + [middle], name="fluid")
+    gmsh.model.addPhysicalGroup(3, [m[1][1] for m in made], name="fluid")
     size = 2 * math.pi * options.core / options.around
     gmsh.option.setNumber("Mesh.MeshSizeMin", size)
     gmsh.option.setNumber("Mesh.MeshSizeMax", size)
-    gmsh.option.setNumber("Mesh.OptimizeNetgen", 0)
 
 
 def main():
@@ -73,7 +57,7 @@ def main():
     parser.add_argument("--along", type=int, default=80)
     parser.add_argument("--layers", type=int, default=16, help="rings of hexahedra")
     parser.add_argument("--ratio", type=float, default=0.85, help="thickness of a ring by that of the one inside it")
-    parser.add_argument("--core", type=float, default=0.6, help="radius of the part of tetrahedra")
+    parser.add_argument("--core", type=float, default=0.6, help="radius of the part of prisms")
     parser.add_argument("--length", type=float, default=10.0)
     parser.add_argument("--out", type=pathlib.Path, default=HERE / "hybrid.msh")
     options = parser.parse_args()
