@@ -424,6 +424,77 @@ fn a_mesh_with_an_inverted_element() {
     refused(&bench, &[], &["bad.msh", "element", "inverted"]);
 }
 
+/// With another mesh.
+fn meshed(mesh: &str) -> Bench {
+    let start = CASE.find("kind = \"box\"").expect("mesh");
+    let end = CASE.find("[fluid]").expect("fluid");
+    bench(&format!("{}{mesh}\n\n{}", &CASE[..start], &CASE[end..]))
+}
+
+#[test]
+fn vtk_meshes_that_do_not_fit_the_case() {
+    let meshes = concat!(env!("CARGO_MANIFEST_DIR"), "/../meshes");
+    let file = format!("kind = \"vtk\"\nfile = \"{meshes}/mixed_zlib.vtu\"\n");
+    for (more, wanted) in [
+        ("array = \"zone\"", "no cell array `zone`"),
+        ("patches = { 7 = \"top\" }", "no surface `7` to name"),
+        (
+            "periodic = [{ patches = [\"surface_11\", \"top\"] }]",
+            "no patch `top` to be periodic",
+        ),
+        (
+            "periodic = [{ patches = [\"surface_11\", \"surface_12\"] }]",
+            "no periodic copies of each other",
+        ),
+    ] {
+        refused(
+            &meshed(&(file.clone() + more)),
+            &[],
+            &["mixed_zlib.vtu", wanted],
+        );
+    }
+    // The patches are there, but the case has conditions for others.
+    refused(&meshed(&file), &[], &["no patch `y_m", "surface_11"]);
+    let three = file + "periodic = [{ patches = [\"surface_11\"] }]";
+    refused(&meshed(&three), &[], &["mesh.periodic[0].patches"]);
+    let text = meshed("kind = \"vtk\"\nfile = \"case.toml\"");
+    refused(&text, &[], &["case.toml", "this is no VTK file"]);
+}
+
+#[test]
+fn openfoam_meshes_that_are_none() {
+    let missing = meshed("kind = \"openfoam\"\nfolder = \"nowhere\"");
+    refused(&missing, &[], &["nowhere", "no OpenFOAM mesh here"]);
+}
+
+#[test]
+fn pipes_that_cannot_be() {
+    let pipe = "kind = \"pipe\"\nradius = 1\nlength = 1\ncells = 2\ncore = 2\nlayers = 2\n";
+    refused(
+        &meshed(&(pipe.to_owned() + "core_radius = 1.0")),
+        &[],
+        &["mesh.core_radius = 1", "less than 1"],
+    );
+    refused(
+        &meshed(&(pipe.to_owned() + "stretching = { geometric = 1e-300 }")),
+        &[],
+        &["mesh parameter `stretching`", "positive thickness"],
+    );
+    refused(&meshed(pipe), &[], &["no patch `y_m", "`wall`"]);
+    let oblique = "fluid.initial={ kind = \"perturbed-pipe\", bulk_velocity = [1, 1, 0] }";
+    let arguments = [
+        "--set",
+        oblique,
+        "--set",
+        "fluid.boundaries={ wall = { kind = \"wall\" } }",
+    ];
+    refused(
+        &meshed(pipe),
+        &arguments,
+        &["bulk_velocity must point along x, y or z"],
+    );
+}
+
 #[test]
 fn a_mesh_file_that_is_not_there() {
     let bench = changed(

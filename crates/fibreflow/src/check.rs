@@ -4,13 +4,15 @@ use crate::case::{self, json_schema};
 use crate::cli::{CheckArguments, MeshArguments};
 use crate::describe::describe;
 use crate::error::{ProgramError, agree};
+use crate::forecast::forecast;
 use crate::groups::groups;
 use crate::output::grid::Grid;
 use crate::scene::{Scene, build_mesh};
 use fibreflow_parallel::Communicator;
 use std::path::Path;
 
-/// Checks a case: file, mesh, boundaries, initial field, fibres. Collective.
+/// Checks a case: file, mesh, boundaries, initial field, fibres; then says how good the mesh is and what the run will cost.
+/// Collective.
 ///
 /// # Errors
 /// What is wrong with it.
@@ -25,13 +27,20 @@ pub fn check(arguments: &CheckArguments, communicator: &Communicator) -> Result<
     };
     let loaded = case::load(path, &arguments.overrides).map_err(ProgramError::from);
     let (case, document) = agree(communicator, loaded)?;
-    let scene = Scene::new(&case, &document, folder_of(path), communicator)?;
+    let mut scene = Scene::new(&case, &document, folder_of(path), communicator)?;
     say(communicator, &format!("{} is valid", path.display()));
     for line in describe(&scene, &case)
         .into_iter()
         .chain(groups(&scene, &case))
     {
         say(communicator, &line);
+    }
+    if let Some(fluid) = scene.flow.fluid() {
+        let report = fibreflow_mesh::quality(fluid.mesh(), fluid.geometry());
+        say(communicator, report.to_string().trim_end());
+        for line in forecast(&mut scene, &case, &report)? {
+            say(communicator, &line);
+        }
     }
     Ok(())
 }

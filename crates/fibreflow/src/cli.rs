@@ -23,7 +23,7 @@ pub enum Command {
     Mesh(MeshArguments),
     /// Says what a file or folder is: case, mesh, checkpoint or run.
     Info {
-        /// A `.toml`, `.msh` or `.json` file, a run folder or a checkpoint folder.
+        /// A `.toml`, `.msh`, `.vtu`, `.vtk` or `.json` file, a run folder, an OpenFOAM case or a checkpoint folder.
         file: PathBuf,
     },
 }

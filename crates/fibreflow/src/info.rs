@@ -2,7 +2,7 @@
 
 use crate::case;
 use crate::error::ProgramError;
-use fibreflow_mesh::ElementKind;
+use fibreflow_mesh::{ElementKind, Mesh, foam, gmsh, vtk};
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::Path;
@@ -15,15 +15,20 @@ pub fn info(path: &Path) -> Result<(), ProgramError> {
     let extension = path.extension().and_then(|e| e.to_str());
     let text = match extension {
         Some("toml") => about_case(path)?,
-        Some("msh") => about_mesh(path)?,
+        Some("msh") => about_mesh(&gmsh::read(path)?),
+        Some("vtu" | "vtk") => about_mesh(&vtk::read(path, &vtk::Options::default())?),
+        Some("polyMesh") => about_mesh(&foam::read(path)?),
         Some("json") => read(path)?,
         _ if path.join("summary.json").exists() => read(&path.join("summary.json"))?,
         _ if path.join("index.json").exists() => read(&path.join("index.json"))?,
         _ if path.join("checkpoint").is_dir() => about_checkpoints(&path.join("checkpoint"))?,
+        _ if path.ends_with("polyMesh") || path.join("constant/polyMesh").is_dir() => {
+            about_mesh(&foam::read(path)?)
+        }
         _ if path.ends_with("checkpoint") && path.is_dir() => about_checkpoints(path)?,
         _ => {
             return Err(ProgramError::input(format!(
-                "{} is none of: case file (.toml), mesh (.msh), summary or manifest (.json), run folder, checkpoint folder",
+                "{} is none of: case file (.toml), mesh (.msh, .vtu, .vtk, polyMesh), summary or manifest (.json), run folder, checkpoint folder",
                 path.display()
             )));
         }
@@ -43,8 +48,7 @@ fn about_case(path: &Path) -> Result<String, ProgramError> {
     toml::to_string(&case).map_err(ProgramError::failed)
 }
 
-fn about_mesh(path: &Path) -> Result<String, ProgramError> {
-    let mesh = fibreflow_mesh::gmsh::read(path)?;
+fn about_mesh(mesh: &Mesh) -> String {
     let mut text = format!(
         "{} nodes, {} elements:",
         mesh.nodes.len(),
@@ -67,12 +71,12 @@ fn about_mesh(path: &Path) -> Result<String, ProgramError> {
     for vector in mesh.periods.vectors.iter().filter(|v| **v != [0.0; 3]) {
         let _ = write!(text, "\nperiodic: {vector:?} m");
     }
-    let verdict = match fibreflow_mesh::validate(&mesh) {
+    let verdict = match fibreflow_mesh::validate(mesh) {
         Ok(()) => "valid".to_owned(),
         Err(e) => e.to_string(),
     };
     let _ = write!(text, "\n{verdict}");
-    Ok(text)
+    text
 }
 
 fn about_checkpoints(folder: &Path) -> Result<String, ProgramError> {

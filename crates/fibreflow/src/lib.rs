@@ -14,6 +14,7 @@ pub mod summary;
 mod check;
 mod cli;
 mod describe;
+mod forecast;
 mod groups;
 mod info;
 mod program;

@@ -112,16 +112,61 @@ impl PerturbedChannel {
             let middle = channel.origin[channel.across] + half;
             let eta = ((x[channel.across] - middle) / half).clamp(-1.0, 1.0);
             let relative = std::array::from_fn(|c| x[c] - channel.origin[c]);
-            let (psi, curl) = potential.value_and_curl(relative);
-            let envelope = (1.0 - eta * eta).powi(2);
             let mut slope = [0.0; 3];
             slope[channel.across] = -4.0 * eta * (1.0 - eta * eta) / half;
-            let turned = cross(slope, psi);
-            let mut u: [f64; 3] = std::array::from_fn(|c| scale * (envelope * curl[c] + turned[c]));
+            let mut u = potential.inside(relative, (1.0 - eta * eta).powi(2), slope);
+            u = u.map(|u| scale * u);
             u[channel.stream] += channel.mean
                 * match channel.profile {
                     MeanProfile::Laminar => 1.5 * (1.0 - eta * eta),
                     MeanProfile::Turbulent => 8.0 / 7.0 * (1.0 - eta.abs()).powf(1.0 / 7.0),
+                };
+            u
+        }
+    }
+}
+
+/// A circular pipe along an axis, its mean flow disturbed by random solenoidal eddies that vanish at the wall.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PerturbedPipe {
+    /// Centre of the section with the smallest coordinate along the axis \[m\].
+    pub origin: [f64; 3],
+    /// Direction of the axis, 0 to 2.
+    pub stream: usize,
+    /// R \[m\].
+    pub radius: f64,
+    /// Length \[m\]; the disturbance has it as period.
+    pub length: f64,
+    /// Mean velocity ū \[m/s\].
+    pub mean: f64,
+    /// Shape of the mean flow: 2 ū (1 − s²) or 60/49 ū (1 − s)^(1/7), s = r/R.
+    pub profile: MeanProfile,
+    /// Root mean square of the disturbance on the axis, relative to ū.
+    pub intensity: f64,
+    /// Seed of the disturbance.
+    pub seed: u64,
+}
+
+impl PerturbedPipe {
+    /// The velocity field: mean along `stream` plus ∇ × ((1 − s²)² Ψ), Ψ a random sum of waves.
+    pub fn field(&self) -> impl Fn([f64; 3]) -> [f64; 3] + use<> {
+        let pipe = self.clone();
+        let mut size = [2.0 * pipe.radius; 3];
+        size[pipe.stream] = pipe.length;
+        let potential = Waves::random(size, 3, self.seed);
+        let scale = self.intensity * self.mean / potential.curl_intensity();
+        move |x| {
+            let relative: [f64; 3] = std::array::from_fn(|c| x[c] - pipe.origin[c]);
+            let mut across = relative.map(|r| r / pipe.radius);
+            across[pipe.stream] = 0.0;
+            let square = across.iter().map(|s| s * s).sum::<f64>().min(1.0);
+            let slope = across.map(|s| -4.0 * s * (1.0 - square) / pipe.radius);
+            let mut u = potential.inside(relative, (1.0 - square).powi(2), slope);
+            u = u.map(|u| scale * u);
+            u[pipe.stream] += pipe.mean
+                * match pipe.profile {
+                    MeanProfile::Laminar => 2.0 * (1.0 - square),
+                    MeanProfile::Turbulent => 60.0 / 49.0 * (1.0 - square.sqrt()).powf(1.0 / 7.0),
                 };
             u
         }
@@ -182,6 +227,13 @@ impl Waves {
     fn curl_intensity(&self) -> f64 {
         let square = |w: &Wave| 0.5 * magnitude(cross(w.vector, w.amplitude)).powi(2);
         self.waves.iter().map(square).sum::<f64>().sqrt()
+    }
+
+    /// ∇ × (eΨ) with an envelope e of the given value and gradient there.
+    fn inside(&self, x: [f64; 3], envelope: f64, slope: [f64; 3]) -> [f64; 3] {
+        let (psi, curl) = self.value_and_curl(x);
+        let turned = cross(slope, psi);
+        std::array::from_fn(|c| envelope * curl[c] + turned[c])
     }
 
     fn value_and_curl(&self, x: [f64; 3]) -> ([f64; 3], [f64; 3]) {
@@ -256,6 +308,51 @@ mod tests {
             assert!(divergence(&u, [0.4, 0.3, 0.9]).abs() < 1e-7);
             let other = PerturbedChannel { seed: 2, ..channel };
             assert_ne!(u([0.4, 0.3, 0.9]), other.field()([0.4, 0.3, 0.9]));
+        }
+    }
+
+    #[test]
+    fn pipe_disturbance_is_solenoidal_and_keeps_the_wall_and_the_flow_rate() {
+        for (profile, stream) in [(MeanProfile::Laminar, 0), (MeanProfile::Turbulent, 2)] {
+            let pipe = PerturbedPipe {
+                origin: [0.5, -1.0, 2.0],
+                stream,
+                radius: 0.7,
+                length: 3.0,
+                mean: 1.2,
+                profile,
+                intensity: 0.2,
+                seed: 1,
+            };
+            let u = pipe.field();
+            let at = |along: f64, r: f64, angle: f64| {
+                let mut x = pipe.origin;
+                x[stream] += along;
+                x[(stream + 1) % 3] += r * angle.cos();
+                x[(stream + 2) % 3] += r * angle.sin();
+                x
+            };
+            for k in 0..8 {
+                let wall = u(at(0.4, 0.7, f64::from(k)));
+                // The seventh root of round-off is a hundredth.
+                assert!(wall.iter().all(|v| v.abs() < 0.03), "{wall:?}");
+                let x = at(0.4, 0.1 + 0.05 * f64::from(k), f64::from(k));
+                assert!(divergence(&u, x).abs() < 1e-7);
+                let mut next = x;
+                next[stream] += 3.0;
+                assert!((0..3).all(|c| (u(next)[c] - u(x)[c]).abs() < 1e-12));
+            }
+            let calm = PerturbedPipe {
+                intensity: 0.0,
+                ..pipe.clone()
+            };
+            let (calm, n) = (calm.field(), 4000);
+            let ring = |k: i32| {
+                let s = (f64::from(k) + 0.5) / f64::from(n);
+                calm(at(0.0, 0.7 * s, 0.0))[stream] * 2.0 * s / f64::from(n)
+            };
+            let mean: f64 = (0..n).map(ring).sum();
+            assert!((mean / 1.2 - 1.0).abs() < 1e-4, "{mean}");
         }
     }
 }

@@ -3,6 +3,7 @@
 use crate::faces::{FaceKey, FaceTable};
 use crate::graph::for_each_edge;
 use crate::jacobian::smallest_jacobian;
+use crate::skewness::face_angles;
 use crate::{DualGeometry, ElementKind, LocalMesh};
 use fibreflow_parallel::{block_max, block_sums};
 use std::fmt;
@@ -18,6 +19,10 @@ pub struct QualityReport {
     pub volume: f64,
     /// Smallest and largest dual volume \[m³\].
     pub dual_volumes: [f64; 2],
+    /// Largest ratio of the dual volumes of two nodes of an element.
+    pub neighbour_ratio: f64,
+    /// Angle between a face and the line that joins the centres of its two elements: largest and mean \[degrees\].
+    pub face_angles: [f64; 2],
     /// Largest angle between S_ij and d_ij \[degrees\], over pairs with at least 1 % of the largest |S| of their row.
     pub non_orthogonality: f64,
     /// Mean of that angle over all pairs, weighted with |S_ij| \[degrees\].
@@ -76,6 +81,8 @@ pub fn quality(mesh: &LocalMesh, geometry: &DualGeometry) -> QualityReport {
             -largest(&|i| -volumes[i], volumes.len()),
             largest(&|i| volumes[i], volumes.len()),
         ],
+        neighbour_ratio: largest(&|i| row_ratio(geometry, i), mesh.owned()),
+        face_angles: face_angles(mesh),
         non_orthogonality: largest(&|i| row_angles(geometry, i)[2], mesh.owned()),
         mean_non_orthogonality: angles[0] / angles[1],
         aspect_ratio: largest(&|e| of_element(e)[0], mesh.elements.len()),
@@ -100,6 +107,13 @@ fn norm(a: [f64; 3]) -> f64 {
 
 fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|c| a[c] - b[c])
+}
+
+/// Largest ratio of a neighbour's dual volume to that of node i.
+fn row_ratio(geometry: &DualGeometry, i: usize) -> f64 {
+    let volume = |e: usize| geometry.volumes[geometry.columns[e] as usize];
+    let largest = geometry.row(i).map(volume).fold(0.0, f64::max);
+    largest / geometry.volumes[i]
 }
 
 /// Of row i: Σ|S|θ, Σ|S|, and the largest θ of faces that matter; θ in degrees.
@@ -220,13 +234,19 @@ impl fmt::Display for QualityReport {
         let [low, high] = self.dual_volumes;
         writeln!(
             f,
-            "dual volumes        {low:.3e} to {high:.3e} m³ (ratio {:.3})",
-            high / low
+            "dual volumes        {low:.3e} to {high:.3e} m³ (ratio {:.3}, of neighbours at most {:.3})",
+            high / low,
+            self.neighbour_ratio
         )?;
         writeln!(f, "pair form           {form}")?;
         writeln!(
             f,
-            "non-orthogonality   {:.1}° at most, {:.1}° on average",
+            "non-orthogonality   {:.1}° at most, {:.1}° on average (faces and lines between centres of elements)",
+            self.face_angles[0], self.face_angles[1]
+        )?;
+        writeln!(
+            f,
+            "  of pairs          {:.1}° at most, {:.1}° on average (dual faces and lines between nodes)",
             self.non_orthogonality, self.mean_non_orthogonality
         )?;
         writeln!(f, "aspect ratio        {:.2} at most", self.aspect_ratio)?;

@@ -168,6 +168,22 @@ pub enum Initial {
         #[serde(default)]
         seed: u64,
     },
+    /// Mean profile of a circular pipe with random divergence-free eddies that vanish at the wall. Centre, radius and length
+    /// are those of the mesh, which must be one straight pipe along x, y or z.
+    PerturbedPipe {
+        /// Mean velocity [m/s], along x, y or z.
+        bulk_velocity: [f64; 3],
+        /// Shape of the mean profile.
+        #[serde(default)]
+        profile: ChannelProfile,
+        /// Root mean square of the eddies on the axis, by the mean velocity.
+        #[serde(default = "tenth")]
+        #[schemars(range(min = 0.0))]
+        intensity: f64,
+        /// Seed of the eddies.
+        #[serde(default)]
+        seed: u64,
+    },
     /// From formulas in x, y, z [m]: + − * / ^, parentheses, `pi`, and sin, cos, tan, sinh, cosh, tanh, exp, log, sqrt, abs.
     Expression {
         /// Formulas of the three components [m/s].
@@ -184,7 +200,7 @@ fn tenth() -> f64 {
     0.1
 }
 
-/// Shape of the mean profile of a channel.
+/// Shape of the mean profile of a channel or pipe.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ChannelProfile {

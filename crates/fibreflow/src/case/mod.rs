@@ -42,7 +42,7 @@ pub use fluid::{
 pub use force::PointForce;
 pub use loads::{Coefficients, Loads};
 pub use mechanics::{IntegratorKind, Mechanics};
-pub use mesh::{Ambient, BoxElement, Domain, MeshSource, Stretching};
+pub use mesh::{Ambient, BoxElement, Domain, MeshSource, PeriodicPair, Stretching};
 pub use observables::Observables;
 pub use population::{Axis, Orbits, Orientation, Quantity, Region, Shortfall, Spread};
 pub use run::{Exact, Output, Schedule, Time};

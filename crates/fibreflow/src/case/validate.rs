@@ -376,7 +376,9 @@ fn check_parts(case: &Case, document: &Document) -> Checked {
         (None, Some(_), None) => {
             return Err(document
                 .error("fluid", "`[fluid]` is given without `[mesh]`")
-                .with_help("`[mesh]` with kind = \"box\" or kind = \"gmsh\""));
+                .with_help(
+                    "`[mesh]` with kind = \"box\", \"pipe\", \"gmsh\", \"vtk\" or \"openfoam\"",
+                ));
         }
         (None, None, None) => {
             return Err(document

@@ -6,6 +6,7 @@ use super::forces::body_force;
 use super::inertia::{InertiaChoice, bounds};
 use super::initial::velocity_field;
 use super::mesh::SceneMesh;
+use super::pipe::Pipe;
 use super::settings::settings;
 use super::together::Together;
 use crate::case::{self, Case, Document};
@@ -255,12 +256,13 @@ fn solved(
         folder,
         domain: domain.as_ref(),
     };
+    let pipe = Pipe::new(&mesh.local);
     let read = || {
         inertia.check(fluid, document)?;
         let settings = settings(&boundaries, &mesh.local.patches, inertia.inertia)?;
         Ok((
             settings,
-            velocity_field(&fluid.initial, domain.as_ref(), folder)?,
+            velocity_field(&fluid.initial, domain.as_ref(), &pipe, folder)?,
         ))
     };
     let (settings, initial) = agree(communicator, read())?;

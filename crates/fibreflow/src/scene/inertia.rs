@@ -215,9 +215,9 @@ fn speed_at_start(initial: &Initial) -> Result<f64, String> {
         Initial::TaylorGreen {
             amplitude, drift, ..
         } => Ok(amplitude.abs() + drift[0].hypot(drift[1])),
-        Initial::PerturbedChannel { .. } | Initial::Isotropic { .. } => {
-            Err("`fluid.initial` has random eddies".to_owned())
-        }
+        Initial::PerturbedChannel { .. }
+        | Initial::PerturbedPipe { .. }
+        | Initial::Isotropic { .. } => Err("`fluid.initial` has random eddies".to_owned()),
         Initial::Expression { .. } | Initial::File { .. } => {
             Err("`fluid.initial` is a formula or file".to_owned())
         }

@@ -1,9 +1,12 @@
 //! Velocity at the start, as the case file asks for it.
 
 use super::expression::Expression;
+use super::pipe::Pipe;
 use crate::case::{ChannelProfile, Domain, Initial};
 use crate::error::ProgramError;
-use fibreflow_fluid::initial::{self, Isotropic, MeanProfile, PerturbedChannel, TaylorGreen};
+use fibreflow_fluid::initial::{
+    self, Isotropic, MeanProfile, PerturbedChannel, PerturbedPipe, TaylorGreen,
+};
 use std::collections::HashMap;
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -11,13 +14,14 @@ use std::path::Path;
 /// u(x) \[m/s\].
 pub type VelocityField = Box<dyn Fn([f64; 3]) -> [f64; 3]>;
 
-/// The initial field; `domain` is the box of the mesh, `folder` that of the case file.
+/// The initial field; `domain` is the box of the mesh, `pipe` what it is as a pipe, `folder` that of the case file.
 ///
 /// # Errors
 /// Formulas and files that cannot be read.
 pub fn velocity_field(
     field: &Initial,
     domain: Option<&Domain>,
+    pipe: &Pipe,
     folder: &Path,
 ) -> Result<VelocityField, ProgramError> {
     Ok(match field {
@@ -41,6 +45,26 @@ pub fn velocity_field(
             intensity,
             seed,
         } => Box::new(perturbed(domain, *bulk_velocity, *profile, *intensity, *seed)?.field()),
+        Initial::PerturbedPipe {
+            bulk_velocity,
+            profile,
+            intensity,
+            seed,
+        } => {
+            let stream = axis_of(*bulk_velocity)?;
+            let (origin, radius, length) = pipe.along(stream);
+            let field = PerturbedPipe {
+                origin,
+                stream,
+                radius,
+                length,
+                mean: bulk_velocity[stream],
+                profile: mean_profile(*profile),
+                intensity: *intensity,
+                seed: *seed,
+            };
+            Box::new(field.field())
+        }
         Initial::TaylorGreen {
             amplitude,
             wavelength,
@@ -127,25 +151,36 @@ fn perturbed(
     seed: u64,
 ) -> Result<PerturbedChannel, ProgramError> {
     let across = Channel::new(domain)?.across;
-    let along = (0..3).filter(|&c| bulk[c] != 0.0).collect::<Vec<_>>();
-    let (&[stream], Some(domain)) = (&along[..], domain) else {
-        return Err(ProgramError::input(
-            "fluid.initial.bulk_velocity must point along x, y or z",
-        ));
-    };
+    let stream = axis_of(bulk)?;
+    let (origin, size) = domain.map_or_else(Default::default, |d| (d.origin, d.size));
     Ok(PerturbedChannel {
-        origin: domain.origin,
-        size: domain.size,
+        origin,
+        size,
         stream,
         across,
         mean: bulk[stream],
-        profile: match profile {
-            ChannelProfile::Laminar => MeanProfile::Laminar,
-            ChannelProfile::Turbulent => MeanProfile::Turbulent,
-        },
+        profile: mean_profile(profile),
         intensity,
         seed,
     })
+}
+
+fn mean_profile(profile: ChannelProfile) -> MeanProfile {
+    match profile {
+        ChannelProfile::Laminar => MeanProfile::Laminar,
+        ChannelProfile::Turbulent => MeanProfile::Turbulent,
+    }
+}
+
+/// The one direction in which a mean velocity points.
+fn axis_of(bulk: [f64; 3]) -> Result<usize, ProgramError> {
+    let mut along = (0..3).filter(|&c| bulk[c] != 0.0);
+    match (along.next(), along.next()) {
+        (Some(axis), None) => Ok(axis),
+        _ => Err(ProgramError::input(
+            "fluid.initial.bulk_velocity must point along x, y or z",
+        )),
+    }
 }
 
 /// Velocities by position.
@@ -224,7 +259,7 @@ mod tests {
         let initial = Initial::File {
             file: "field.csv".into(),
         };
-        let u = velocity_field(&initial, None, folder.path())
+        let u = velocity_field(&initial, None, &Pipe::default(), folder.path())
             .map_err(|e| e.message)
             .expect("field");
         assert_eq!(u([1.0 + 1e-9, 0.5, 0.0]), [4.0, 5.0, 6.0]);

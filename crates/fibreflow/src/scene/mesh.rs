@@ -3,7 +3,10 @@
 use crate::case::{self, Case, Document, MeshSource};
 use crate::error::{ProgramError, agree};
 use crate::output::manifest::{CHECKSUM_START, checksum};
-use fibreflow_mesh::{BoxElement, BoxMesh, DualGeometry, LocalMesh, Mesh, MeshError, Stretching};
+use fibreflow_mesh::{
+    BoxElement, BoxMesh, DualGeometry, LocalMesh, Mesh, MeshError, PeriodicPatches, PipeMesh,
+    Stretching, foam, vtk,
+};
 use fibreflow_parallel::Communicator;
 use std::path::Path;
 use std::sync::Arc;
@@ -47,9 +50,9 @@ pub fn build(
         sum = mesh_checksum(&mesh);
         Ok(mesh)
     });
-    let named = |error: MeshError| match (source, &error) {
+    let named = |error: MeshError| match (source.file(), &error) {
         // Reading already names the file.
-        (MeshSource::Gmsh { file }, e) if !matches!(e, MeshError::Read { .. }) => {
+        (Some(file), e) if !matches!(e, MeshError::Read { .. }) => {
             ProgramError::input(format!("{}: {e}", folder.join(file).display()))
         }
         _ => ProgramError::from(error),
@@ -83,6 +86,48 @@ fn order_named(error: MeshError) -> ProgramError {
 fn whole(source: &MeshSource, folder: &Path) -> Result<Mesh, MeshError> {
     let mut mesh = match source {
         MeshSource::Gmsh { file } => fibreflow_mesh::gmsh::read(&folder.join(file))?,
+        MeshSource::Vtk {
+            file,
+            array,
+            patches,
+            periodic,
+        } => {
+            let pair = |pair: &case::PeriodicPair| PeriodicPatches {
+                patches: pair.patches.clone(),
+                translation: pair.translation,
+            };
+            let options = vtk::Options {
+                array: array.clone(),
+                names: patches.clone(),
+                periodic: periodic.iter().map(pair).collect(),
+            };
+            vtk::read(&folder.join(file), &options)?
+        }
+        MeshSource::OpenFoam { folder: of_mesh } => foam::read(&folder.join(of_mesh))?,
+        MeshSource::Pipe {
+            origin,
+            radius,
+            length,
+            cells,
+            core,
+            layers,
+            core_radius,
+            roundness,
+            stretching,
+            periodic,
+        } => PipeMesh {
+            origin: *origin,
+            radius: *radius,
+            length: *length,
+            cells: *cells,
+            core: *core,
+            layers: *layers,
+            core_radius: *core_radius,
+            roundness: *roundness,
+            stretching: spacing(*stretching),
+            periodic: *periodic,
+        }
+        .build()?,
         MeshSource::Box {
             origin,
             size,

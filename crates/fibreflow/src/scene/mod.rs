@@ -12,6 +12,7 @@ mod forces;
 mod inertia;
 mod initial;
 mod mesh;
+mod pipe;
 mod polyline;
 mod population;
 mod scatter;

@@ -1,14 +1,16 @@
-//! Meshes of boxes: any element kind, stretched, periodic, with random distortion.
+//! Meshes of boxes (any element kind, stretched, periodic, with random distortion) and of pipes.
 
 mod cells;
 mod division;
 mod jitter;
 mod lattice;
+mod pipe;
 
 use crate::{Mesh, MeshError, Periods};
 use cells::Builder;
 use division::Division;
 use lattice::Lattice;
+pub use pipe::PipeMesh;
 
 /// Grid planes of one direction, at origin + size·x(s) with s = i/n.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]

@@ -1,16 +1,15 @@
 //! Gmsh meshes, format MSH 4.1, text and binary.
 
 mod build;
-mod periodic;
+mod links;
 mod sections;
-mod source;
 mod tags;
 
 #[cfg(test)]
 mod tests;
 
+use crate::source::{Source, bytes_of};
 use crate::{Mesh, MeshError};
-use source::Source;
 use std::path::Path;
 
 /// Reads a mesh of tetrahedra, pyramids, prisms and hexahedra from a Gmsh file (MSH 4.1, text or binary).
@@ -29,13 +28,7 @@ use std::path::Path;
 /// versions, higher order, partitioned meshes) and what to do about it; [`MeshError::Face`] for a patch that lies
 /// inside the domain or belongs to no element.
 pub fn read(path: &Path) -> Result<Mesh, MeshError> {
-    let name = path.display().to_string();
-    let bytes = std::fs::read(path).map_err(|error| MeshError::Read {
-        path: name.clone(),
-        place: "file".into(),
-        reason: error.to_string(),
-    })?;
-    parse(&name, &bytes)
+    parse(&path.display().to_string(), &bytes_of(path)?)
 }
 
 fn parse(name: &str, bytes: &[u8]) -> Result<Mesh, MeshError> {

@@ -1,6 +1,6 @@
 //! The sections of an MSH 4.1 file, as they stand there. Format: Gmsh reference manual, "MSH file format".
 
-use super::source::Source;
+use crate::source::Source;
 use crate::{ElementKind, MeshError};
 use std::collections::HashMap;
 
@@ -48,7 +48,7 @@ pub(super) fn read(source: &mut Source<'_>) -> Result<Contents, MeshError> {
         let Some(name) = word.strip_prefix('$') else {
             return Err(source.error(format!("`{word}` where a section should begin")));
         };
-        source.section = name.to_owned();
+        source.section = word.to_owned();
         source.line();
         if name == "MeshFormat" {
             format(source)?;

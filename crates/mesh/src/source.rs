@@ -1,9 +1,10 @@
-//! Numbers and lines of an MSH file, in text or binary.
+//! Numbers and lines of a mesh file, in text or binary.
 
 use crate::MeshError;
+use std::path::Path;
 
 /// A cursor over the bytes of a file; the same calls read text and binary sections.
-pub(super) struct Source<'a> {
+pub(crate) struct Source<'a> {
     path: &'a str,
     bytes: &'a [u8],
     at: usize,
@@ -34,7 +35,7 @@ impl<'a> Source<'a> {
         };
         let section = match self.section.as_str() {
             "" => String::new(),
-            name => format!("${name}, "),
+            name => format!("{name}, "),
         };
         MeshError::Read {
             path: self.path.to_owned(),
@@ -76,6 +77,22 @@ impl<'a> Source<'a> {
         let word = word.ok_or_else(|| self.error("the file ends where a number should be"))?;
         word.parse()
             .map_err(|_| self.error(format!("`{word}` is not the number expected here")))
+    }
+
+    /// The next bytes.
+    pub fn take(&mut self, count: usize) -> Result<&'a [u8], MeshError> {
+        let rest = &self.bytes[self.at..];
+        let Some((bytes, _)) = rest.split_at_checked(count) else {
+            return Err(self.error("the file ends inside an array"));
+        };
+        self.at += count;
+        Ok(bytes)
+    }
+
+    /// Whether this word comes next.
+    pub fn next_is(&self, word: &str) -> bool {
+        let rest = self.bytes[self.at..].trim_ascii_start();
+        rest.starts_with(word.as_bytes())
     }
 
     fn raw<const N: usize>(&mut self) -> Result<[u8; N], MeshError> {
@@ -128,4 +145,16 @@ impl<'a> Source<'a> {
     pub fn point(&mut self) -> Result<[f64; 3], MeshError> {
         Ok([self.real()?, self.real()?, self.real()?])
     }
+}
+
+/// All of a file.
+///
+/// # Errors
+/// [`MeshError::Read`] with what the system says.
+pub(crate) fn bytes_of(path: &Path) -> Result<Vec<u8>, MeshError> {
+    std::fs::read(path).map_err(|error| MeshError::Read {
+        path: path.display().to_string(),
+        place: "file".into(),
+        reason: error.to_string(),
+    })
 }

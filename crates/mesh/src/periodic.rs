@@ -1,15 +1,24 @@
-//! Periodic surfaces of a Gmsh mesh: lattice vectors, and which nodes are copies of which.
+//! Periodic sides of a mesh that is read: lattice vectors, and which nodes are copies of which.
 
-use super::sections::PeriodicLink;
-use super::tags::Tags;
 use crate::{Image, Periods};
 
 /// Parts of a period by which copies may be off their place.
-const TOLERANCE: f64 = 1e-5;
+pub(crate) const TOLERANCE: f64 = 1e-5;
+
+/// A point, curve or surface that is a translated copy of another.
+#[derive(Debug)]
+pub(crate) struct Link {
+    /// The two, for messages.
+    pub names: [String; 2],
+    /// From the second of them to the first, which makes a period \[m\]; None on points and curves.
+    pub translation: Option<[f64; 3]>,
+    /// (copy, original), by index.
+    pub pairs: Vec<[u32; 2]>,
+}
 
 /// What a node of the file is: image `image` of node `master` (itself with [`Image::ZERO`] when it has no master).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Copy {
+pub(crate) struct Copy {
     pub master: u32,
     pub image: Image,
 }
@@ -18,20 +27,16 @@ pub(super) struct Copy {
 ///
 /// A copy of a copy (nodes on edges and corners of a box that is periodic in several directions) goes back to one
 /// master, the one with the lowest images.
-pub(super) fn identify(
-    links: &[PeriodicLink],
-    tags: &Tags,
-    nodes: &[[f64; 3]],
-) -> Result<(Periods, Vec<Copy>), String> {
+pub(crate) fn identify(links: &[Link], nodes: &[[f64; 3]]) -> Result<(Periods, Vec<Copy>), String> {
     let mut periods = Periods::default();
-    for link in links.iter().filter(|l| l.dimension == 2) {
-        let translation = translation(link, tags, nodes)?;
-        add_vector(&mut periods, translation, link)?;
+    for link in links {
+        if let Some(translation) = link.translation {
+            add_vector(&mut periods, translation, link)?;
+        }
     }
     let mut classes = Classes::new(nodes.len());
     for link in links {
         for &[slave, master] in &link.pairs {
-            let (slave, master) = (tags.index(slave)?, tags.index(master)?);
             let (a, b) = (nodes[master as usize], nodes[slave as usize]);
             let difference = std::array::from_fn(|c| b[c] - a[c]);
             let shift = shift_of(&periods, difference).ok_or_else(|| {
@@ -57,39 +62,14 @@ fn length(v: [f64; 3]) -> f64 {
     v.iter().map(|c| c * c).sum::<f64>().sqrt()
 }
 
-/// The translation from master to slave.
-fn translation(link: &PeriodicLink, tags: &Tags, nodes: &[[f64; 3]]) -> Result<[f64; 3], String> {
-    if let [a, b, c, x, d, e, f, y, g, h, i, z, ..] = link.affine[..] {
-        let rotation = [a - 1.0, b, c, d, e - 1.0, f, g, h, i - 1.0];
-        if rotation.iter().any(|r| r.abs() > TOLERANCE) {
-            return Err(format!(
-                "surface {} is a rotated copy of surface {}; only translations are supported as periods",
-                link.entity, link.master
-            ));
-        }
-        return Ok([x, y, z]);
-    }
-    let Some(&[slave, master]) = link.pairs.first() else {
-        return Err(format!(
-            "periodic surface {} lists neither an affine map nor nodes",
-            link.entity
-        ));
-    };
-    let (b, a) = (
-        nodes[tags.index(slave)? as usize],
-        nodes[tags.index(master)? as usize],
-    );
-    Ok(std::array::from_fn(|c| b[c] - a[c]))
-}
-
 /// Adds a lattice vector, in the slot of its largest component where that is free, unless it is there already.
-fn add_vector(periods: &mut Periods, vector: [f64; 3], link: &PeriodicLink) -> Result<(), String> {
+fn add_vector(periods: &mut Periods, vector: [f64; 3], link: &Link) -> Result<(), String> {
     let largest = (0..3).max_by(|&a, &b| vector[a].abs().total_cmp(&vector[b].abs()));
     let axis = largest.unwrap_or(0);
     if vector[axis] == 0.0 || !vector[axis].is_finite() {
         return Err(format!(
             "periodic surfaces {} and {} lie in the same place",
-            link.entity, link.master
+            link.names[0], link.names[1]
         ));
     }
     let vector = vector.map(|c| c * vector[axis].signum());
@@ -210,38 +190,25 @@ impl Classes {
 mod tests {
     use super::*;
 
-    fn link(affine: &[f64], pairs: &[[u64; 2]]) -> PeriodicLink {
-        PeriodicLink {
-            dimension: 2,
-            entity: 7,
-            master: 3,
-            affine: affine.to_vec(),
+    fn link(translation: [f64; 3], pairs: &[[u32; 2]]) -> Link {
+        Link {
+            names: ["7".into(), "3".into()],
+            translation: Some(translation),
             pairs: pairs.to_vec(),
         }
     }
 
-    fn moved(x: f64, y: f64) -> [f64; 16] {
-        let mut affine = [0.0; 16];
-        (0..4).for_each(|k| affine[5 * k] = 1.0);
-        (affine[3], affine[7]) = (x, y);
-        affine
-    }
-
-    /// Corners of a 2 × 1 rectangle, tags 1 to 4, counter-clockwise.
-    fn corners() -> (Tags, Vec<[f64; 3]>) {
-        let nodes = vec![[0.0; 3], [2.0, 0.0, 0.0], [2.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
-        (Tags::new(&[1, 2, 3, 4]).expect("tags"), nodes)
-    }
+    /// Corners of a 2 × 1 rectangle, counter-clockwise.
+    const CORNERS: [[f64; 3]; 4] = [[0.0; 3], [2.0, 0.0, 0.0], [2.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
 
     #[test]
     fn chains_at_a_corner_end_at_one_master() {
-        let (tags, nodes) = corners();
-        // 3 is a copy of 2 (in y) and 2 of 1 (in x); the link for x runs against it, from right to left.
+        // Corner 2 is a copy of 1 (in y) and 1 of 0 (in x); the link for x runs against it, from right to left.
         let links = [
-            link(&moved(0.0, 1.0), &[[3, 2], [4, 1]]),
-            link(&moved(-2.0, 0.0), &[[1, 2], [4, 3]]),
+            link([0.0, 1.0, 0.0], &[[2, 1], [3, 0]]),
+            link([-2.0, 0.0, 0.0], &[[0, 1], [3, 2]]),
         ];
-        let (periods, copies) = identify(&links, &tags, &nodes).expect("periodic");
+        let (periods, copies) = identify(&links, &CORNERS).expect("periodic");
         assert_eq!(
             periods.vectors,
             [[2.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0; 3]]
@@ -260,14 +227,8 @@ mod tests {
 
     #[test]
     fn what_cannot_be_a_lattice_is_refused() {
-        let (tags, nodes) = corners();
-        let refused = |link: PeriodicLink| identify(&[link], &tags, &nodes).expect_err("refused");
-        let mut turned = moved(2.0, 0.0);
-        (turned[0], turned[1], turned[4], turned[5]) = (0.0, -1.0, 1.0, 0.0);
-        assert!(refused(link(&turned, &[[2, 1]])).contains("rotated copy of surface 3"));
-        assert!(refused(link(&moved(2.0, 0.0), &[[3, 1]])).contains("no combination"));
-        assert!(refused(link(&moved(2.0, 0.0), &[[9, 1]])).contains("node 9"));
-        assert!(refused(link(&moved(0.0, 0.0), &[])).contains("same place"));
-        assert!(refused(link(&[], &[])).contains("neither"));
+        let refused = |link: Link| identify(&[link], &CORNERS).expect_err("refused");
+        assert!(refused(link([2.0, 0.0, 0.0], &[[2, 0]])).contains("no combination"));
+        assert!(refused(link([0.0; 3], &[])).contains("7 and 3 lie in the same place"));
     }
 }
