@@ -290,7 +290,7 @@ impl Coupling {
     ) -> Result<(), CouplingError> {
         let nowhere = Flow::zeroed();
         let host = Host {
-            mesh: &*self.mesh,
+            mesh: &self.mesh,
             locator: &self.locator,
             flow: |_: &Location| nowhere,
         };
