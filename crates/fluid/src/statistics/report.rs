@@ -244,8 +244,10 @@ impl Statistics {
         let settings = fluid.settings();
         let (viscosity, density) = (settings.kinematic_viscosity(), settings.density);
         let split = self.bins.len() * COUNT;
-        let derive =
-            |mean: &[f64]| columns(&mean[..split], &self.bins, mean[split], viscosity, density);
+        let derive = |mean: &[f64]| {
+            let stress = self.balancing_stress(mean[split + 2]);
+            columns(&mean[..split], &self.bins, stress, viscosity, density)
+        };
         let means = mean_without(&blocks, None);
         let values = derive(&means);
         // A last block that is not full would count as much as the others.
