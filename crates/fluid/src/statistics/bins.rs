@@ -56,31 +56,23 @@ impl Frame {
             Averaging::Rings { axis, centre } => Self::Rings { axis, centre },
         }
     }
+}
 
-    /// Directions at a place.
-    fn directions(&self, x: [f64; 3]) -> [[f64; 3]; 3] {
-        let unit = |c: usize, size: f64| std::array::from_fn(|k| if k == c { size } else { 0.0 });
-        match *self {
-            Self::Planes { axes, middle } => {
-                let sign = if x[axes[1]] > middle { -1.0 } else { 1.0 };
-                [unit(axes[0], 1.0), unit(axes[1], sign), unit(axes[2], 1.0)]
-            }
-            Self::Rings { axis, centre } => {
-                let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
-                let (p, q) = (x[b] - centre[b], x[c] - centre[c]);
-                let radius = p.hypot(q);
-                let (cos, sin) = if radius > 0.0 {
-                    (p / radius, q / radius)
-                } else {
-                    (1.0, 0.0)
-                };
-                let (mut radial, mut around) = ([0.0; 3], [0.0; 3]);
-                (radial[b], radial[c]) = (cos, sin);
-                (around[b], around[c]) = (-sin, cos);
-                [unit(axis, 1.0), radial, around]
-            }
-        }
-    }
+/// Directions along an axis, away from it and around it.
+fn around(axis: usize, centre: [f64; 3], x: [f64; 3]) -> [[f64; 3]; 3] {
+    let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
+    let (p, q) = (x[b] - centre[b], x[c] - centre[c]);
+    let radius = p.hypot(q);
+    let (cos, sin) = if radius > 0.0 {
+        (p / radius, q / radius)
+    } else {
+        (1.0, 0.0)
+    };
+    let mut directions = [[0.0; 3]; 3];
+    directions[0][axis] = 1.0;
+    (directions[1][b], directions[1][c]) = (cos, sin);
+    (directions[2][b], directions[2][c]) = (-sin, cos);
+    directions
 }
 
 impl Bins {
@@ -144,7 +136,7 @@ impl Bins {
                 let sign = if x[axes[1]] > middle { -1.0 } else { 1.0 };
                 [v[axes[0]], sign * v[axes[1]], v[axes[2]]]
             }
-            Frame::Rings { .. } => self.frame.directions(x).map(|d| dot(d, v)),
+            Frame::Rings { axis, centre } => around(axis, centre, x).map(|d| dot(d, v)),
         }
     }
 

@@ -185,11 +185,6 @@ impl Statistics {
         }
     }
 
-    /// Samples taken.
-    pub fn samples(&self) -> u64 {
-        self.samples
-    }
-
     /// The block that a time belongs to, made if it is new.
     fn block_at(&mut self, time: f64) -> &mut Block {
         // A sample that ends with a block belongs to it.
