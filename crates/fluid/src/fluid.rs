@@ -42,6 +42,8 @@ pub struct Fluid {
     pub(crate) flux: Vec<f64>,
     /// F of the step before; within a step F at its middle, then F of the step.
     pub(crate) flux_other: Vec<f64>,
+    /// Fluxes by element, where these are integrated.
+    pub(crate) shares: Vec<f64>,
     /// max ½ Σ_j |F_ij|/V_i over all nodes \[1/s\]: the Courant number of a step of 1 s.
     pub(crate) flux_rate: f64,
     /// Spectral bound of ν L \[1/s\], see [`DiffusionChoice`].
@@ -116,6 +118,7 @@ impl Fluid {
             pressure: vec![0.0; total],
             flux: vec![0.0; entries],
             flux_other: vec![0.0; entries],
+            shares: vec![0.0; operators.shares()],
             flux_rate: 0.0,
             viscous_rate: 0.0,
             body_force: vec![[0.0; 4]; total],

@@ -60,6 +60,11 @@ impl Mismatch {
         }
     }
 
+    /// q of the velocity ½(Gp_i + Gp_j) − ∇p times τ; None where nothing is done.
+    pub fn potential(&self) -> Option<&[f64]> {
+        (!self.flux.is_empty()).then_some(&self.q[..])
+    }
+
     /// Adds it to fluxes.
     pub fn add_to(&self, flux: &mut [f64]) {
         if !self.flux.is_empty() {

@@ -71,7 +71,8 @@ pub(crate) struct Momentum {
     /// Total: u of the sub-step to come \[m/s\]; where diffusion is implicit, owned: the explicit part of
     /// V (u^k − u^(k−1)) \[m⁴/s\].
     pub(crate) next: Vec<[f64; 4]>,
-    /// Total: u^k − u^(k−1) where diffusion is implicit, or before its mass is corrected \[m/s\].
+    /// Total: u^k − u^(k−1) where diffusion is implicit, or before its mass is corrected; in a projection what the old
+    /// pressure adds to the convecting velocity \[m/s\].
     pub(crate) increment: Vec<[f64; 4]>,
 }
 

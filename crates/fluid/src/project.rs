@@ -146,7 +146,21 @@ impl Fluid {
                 *pressure += raise * psi;
             },
         );
-        self.mismatch.add_to(&mut self.flux_other);
+        let (mesh, flux) = (&self.mesh, &mut self.flux_other);
+        let (velocity, bias) = (&self.velocity, &self.momentum.increment);
+        let q = self.mismatch.potential();
+        let at = |i: usize| {
+            let ([x, y, z, _], psi) = (velocity[i], psi[i]);
+            q.map_or([x, y, z, psi], |q| {
+                let [bx, by, bz, _] = bias[i];
+                [x + bx, y + by, z + bz, psi + q[i]]
+            })
+        };
+        let integrated = self.operators.integrate(mesh, at, &mut self.shares, flux);
+        if integrated.is_none() {
+            self.mismatch.add_to(flux);
+        }
+        let rate = integrated.unwrap_or(rate);
         std::mem::swap(&mut self.flux, &mut self.flux_other);
         std::mem::swap(&mut self.velocity, &mut self.momentum.next);
         self.flux_rate = self.mesh.halo.communicator().max(rate);

@@ -15,12 +15,14 @@
 //! Pairs are read from compressed rows ([`pairs`]) or, on tensor-product meshes, from neighbouring lines at constant
 //! strides ([`lattice`], [`lines`]); the two differ by round-off.
 
+mod elements;
 mod lattice;
 mod lines;
 mod pairs;
 mod stress;
 
 use crate::Kernels;
+use elements::Elements;
 use fibreflow_mesh::{DualGeometry, LocalMesh};
 use fibreflow_parallel::{Communicator, Halo, Portable};
 use lattice::Lattice;
@@ -34,6 +36,8 @@ pub(crate) struct Operators {
     pub geometry: Arc<DualGeometry>,
     halo: Halo,
     form: Form,
+    /// Where pairs are those of the Galerkin form.
+    elements: Option<Arc<Elements>>,
     /// Some rows read halo entries.
     cut: bool,
     /// 1/V of the owned nodes \[1/m³\].
@@ -85,6 +89,7 @@ impl Operators {
             geometry: Arc::clone(geometry),
             halo: mesh.halo.clone(),
             cut: !border.is_empty(),
+            elements: (!geometry.orthogonal).then(|| Arc::new(Elements::new(mesh, geometry))),
             form,
             inverse_volumes: geometry.volumes[..mesh.owned()]
                 .iter()
@@ -276,6 +281,27 @@ impl Operators {
             Form::Rows(pairs) => pairs.correct((u, psi), flux, inverse, out, &finish),
             Form::Lines(lattice) => lattice.correct((u, psi), flux, inverse, out, &finish),
         }
+    }
+
+    /// Length of what [`Operators::integrate`] needs to work with.
+    pub fn shares(&self) -> usize {
+        self.elements
+            .as_ref()
+            .map_or(0, |elements| elements.shares())
+    }
+
+    /// On meshes of the Galerkin form, the fluxes of u − ∇ψ integrated over the elements, with the sums of those of
+    /// [`Operators::correct`]; max ½ Σ_j |F_ij|/V_i over the owned rows \[1/s\]. `at` gives (u, ψ) of owned and halo nodes.
+    pub fn integrate(
+        &self,
+        mesh: &LocalMesh,
+        at: impl Fn(usize) -> [f64; 4] + Sync,
+        shares: &mut [f64],
+        flux: &mut [f64],
+    ) -> Option<f64> {
+        let elements = self.elements.as_ref()?;
+        let inverse = &self.inverse_volumes;
+        Some(elements.fluxes(mesh, &self.geometry, at, shares, flux, inverse))
     }
 
     /// F −= c_ij w_ij (p_j − p_i) with c_ij = `coefficient`(i, j, (S, w)) symmetric; p is valid. Returns

@@ -11,10 +11,10 @@ pub(super) type Pair = (u8, u8);
 /// Shape functions of a kind at a Gauss point; entries beyond the vertices are zero.
 ///
 /// Gradients are those on the cube that collapses onto the element, on a tetrahedron those of [`shape`].
-struct Point {
-    weight: f64,
-    n: [f64; 8],
-    gradient: [[f64; 3]; 8],
+pub(super) struct Point {
+    pub weight: f64,
+    pub n: [f64; 8],
+    pub gradient: [[f64; 3]; 8],
 }
 
 /// Vertex onto which each corner of the cube (in the order of a hexahedron) collapses, for each kind.
@@ -29,7 +29,7 @@ static RULES: LazyLock<[Vec<Point>; 4]> = LazyLock::new(|| ElementKind::ALL.map(
 
 /// Gauss points that integrate area vectors and volumes exactly: one where the integrands are linear (their gradients
 /// are constant), two a direction where they are cubic. The weights of a pyramid are rational: three a direction.
-fn rule(kind: ElementKind) -> Vec<Point> {
+pub(super) fn rule(kind: ElementKind) -> Vec<Point> {
     let gauss = match kind {
         ElementKind::Tetrahedron => {
             let r = shape::centre(kind);
@@ -263,17 +263,11 @@ pub(super) fn face_shares(
     nodes: &[[f64; 3]],
     periods: &Periods,
 ) -> [[f64; 3]; 4] {
-    let corner = |v: usize| -> [f64; 3] {
-        let (x, shift) = (nodes[face.nodes[v] as usize], periods.shift(face.images[v]));
-        std::array::from_fn(|c| x[c] + shift[c])
-    };
-    let origin = corner(0);
-    let edge = |v| minus(corner(v), origin);
+    let x = face_vertices(face, nodes, periods);
     if face.vertices == 3 {
-        let share = cross(edge(1), edge(2)).map(|s| s / 6.0);
+        let share = cross(x[1], x[2]).map(|s| s / 6.0);
         return [share, share, share, [0.0; 3]];
     }
-    let x = [[0.0; 3], edge(1), edge(2), edge(3)];
     if form == Form::TwoPoint {
         let middle = std::array::from_fn(|c| 0.25 * x.iter().map(|x| x[c]).sum::<f64>());
         return std::array::from_fn(|v| {
@@ -282,23 +276,60 @@ pub(super) fn face_shares(
         });
     }
     let mut shares = [[0.0; 3]; 4];
-    let gauss = [0.5 - 0.5 / 3f64.sqrt(), 0.5 + 0.5 / 3f64.sqrt()];
-    for s in gauss {
-        for r in gauss {
-            let along = |a: [f64; 3], b: [f64; 3], c: [f64; 3], d: [f64; 3], t: f64| {
-                std::array::from_fn(|k| (1.0 - t) * (b[k] - a[k]) + t * (d[k] - c[k]))
-            };
-            let normal = cross(
-                along(x[0], x[1], x[3], x[2], s),
-                along(x[0], x[3], x[1], x[2], r),
-            );
-            let n = [(1.0 - r) * (1.0 - s), r * (1.0 - s), r * s, (1.0 - r) * s];
-            for v in 0..4 {
-                (0..3).for_each(|c| shares[v][c] += 0.25 * n[v] * normal[c]);
-            }
+    for (n, normal) in quadrilateral_points(&x) {
+        for v in 0..4 {
+            (0..3).for_each(|c| shares[v][c] += n[v] * normal[c]);
         }
     }
     shares
+}
+
+/// Vertices of a boundary face \[m\], relative to the first.
+fn face_vertices(face: &BoundaryFace, nodes: &[[f64; 3]], periods: &Periods) -> [[f64; 3]; 4] {
+    let corner = |v: usize| -> [f64; 3] {
+        let (x, shift) = (nodes[face.nodes[v] as usize], periods.shift(face.images[v]));
+        std::array::from_fn(|c| x[c] + shift[c])
+    };
+    let origin = corner(0);
+    let mut x = [[0.0; 3]; 4];
+    (1..face.vertices.into()).for_each(|v| x[v] = minus(corner(v), origin));
+    x
+}
+
+/// Shape functions and weighted normals \[m²\] of a boundary face at points that integrate N_a N_b n exactly.
+pub(super) fn face_points(
+    face: &BoundaryFace,
+    nodes: &[[f64; 3]],
+    periods: &Periods,
+) -> Vec<([f64; 4], [f64; 3])> {
+    let x = face_vertices(face, nodes, periods);
+    if face.vertices == 4 {
+        return quadrilateral_points(&x).to_vec();
+    }
+    // The middles of the edges, exact for products of two linear functions.
+    let third = cross(x[1], x[2]).map(|s| s / 6.0);
+    let middle = |opposite: usize| {
+        let n = std::array::from_fn(|v| if v == opposite || v == 3 { 0.0 } else { 0.5 });
+        (n, third)
+    };
+    (0..3).map(middle).collect()
+}
+
+/// As [`face_points`] for a bilinear quadrilateral.
+fn quadrilateral_points(x: &[[f64; 3]; 4]) -> [([f64; 4], [f64; 3]); 4] {
+    let gauss = [0.5 - 0.5 / 3f64.sqrt(), 0.5 + 0.5 / 3f64.sqrt()];
+    let along = |a: [f64; 3], b: [f64; 3], c: [f64; 3], d: [f64; 3], t: f64| {
+        std::array::from_fn(|k| (1.0 - t) * (b[k] - a[k]) + t * (d[k] - c[k]))
+    };
+    std::array::from_fn(|point| {
+        let (r, s) = (gauss[point % 2], gauss[point / 2]);
+        let normal = cross(
+            along(x[0], x[1], x[3], x[2], s),
+            along(x[0], x[3], x[1], x[2], r),
+        );
+        let n = [(1.0 - r) * (1.0 - s), r * (1.0 - s), r * s, (1.0 - r) * s];
+        (n, normal.map(|c| 0.25 * c))
+    })
 }
 
 #[cfg(test)]
@@ -375,6 +406,53 @@ mod tests {
             }
             for (volume, share) in volumes.iter().zip(shares) {
                 assert!((volume - share).abs() < 1e-14, "{}", kind.name());
+            }
+        }
+    }
+
+    /// On affine elements, but for the two points a direction of a prism: products of three functions and the Jacobian of the
+    /// collapsed cube are of degree four there.
+    #[test]
+    fn fluxes_are_the_integrals_of_the_field_between_shape_functions() {
+        for kind in ElementKind::ALL {
+            let n = kind.vertices();
+            let affine =
+                |[a, b, c]: [f64; 3]| [a + 0.3 * b - 0.2 * c, 0.8 * b + 0.1 * c, 1.3 * c + 0.4 * a];
+            let x = reference(kind).map(affine);
+            let wave = |k: usize| (1.0 + 5.0 * k as f64).sin();
+            let field: [[f64; 4]; 8] =
+                std::array::from_fn(|a| std::array::from_fn(|c| wave(4 * a + c)));
+            let pairs = all_pairs(kind);
+            let (mut found, mut wanted) = (vec![0.0; pairs.len()], vec![0.0; pairs.len()]);
+            crate::geometry::FluxRule::of(kind).fluxes(&x, &field, &mut found);
+            for (r, weight) in fine_rule(kind) {
+                let at = shape::physical(kind, &x, r);
+                let columns = std::array::from_fn(|k| {
+                    let g = shape::gradients(kind, r);
+                    std::array::from_fn(|c| (0..n).map(|a| g[a][k] * x[a][c]).sum())
+                });
+                let dv = weight * cofactors(&columns).1;
+                let carried: [f64; 3] = std::array::from_fn(|c| {
+                    let term = |a: usize| at.n[a] * field[a][c] - at.gradient[a][c] * field[a][3];
+                    (0..n).map(term).sum()
+                });
+                for (wanted, &(a, b)) in wanted.iter_mut().zip(&pairs) {
+                    let (a, b) = (usize::from(a), usize::from(b));
+                    *wanted += dv
+                        * (at.n[a] * dot(at.gradient[b], carried)
+                            - at.n[b] * dot(at.gradient[a], carried));
+                }
+            }
+            let limit = match kind {
+                ElementKind::Prism => 2e-3,
+                _ => 2e-5,
+            };
+            for (found, wanted) in found.iter().zip(&wanted) {
+                assert!(
+                    (found - wanted).abs() < limit,
+                    "{}: {found} {wanted}",
+                    kind.name()
+                );
             }
         }
     }

@@ -8,9 +8,11 @@
 //! Source: NUMERICS section 1.
 
 mod element;
+mod flux;
 mod rows;
 mod tensor;
 
+pub use flux::{FluxRule, face_pairs};
 pub use tensor::fourth;
 
 use crate::{BoundaryNode, DualGeometry, ElementKind, LocalMesh, MeshError, TensorGrid};
