@@ -46,7 +46,8 @@ fn crowd(count: usize, edge: f64, seed: u64) -> Vec<LinkedFibre> {
             nodes.push(nodes[i] + step * 16.0);
         }
         let mut beam = Fibre::new(k as u64, Material::new(1.0, 1.0, 0.49, 1.0), nodes);
-        beam.material.youngs_modulus = 16.0 * 38.0 * 8.0 * PI * 512.0 / beam.material.second_moment();
+        beam.material.youngs_modulus =
+            16.0 * 38.0 * 8.0 * PI * 512.0 / beam.material.second_moment();
         beam.material.shear_modulus = beam.material.youngs_modulus / 2.98;
         beam.equilibrium = fibreflow_fibre::Equilibrium::Straight;
         // A wide section, so that the stiffnesses of the joints differ.
@@ -93,12 +94,23 @@ fn no_net_force_or_torque() {
             forces += f.norm();
             torques += centre.norm() * f.norm() + t.norm();
         }
-        assert!(force.norm() < 1e-12 * forces, "{} of {forces}", force.norm());
-        assert!(torque.norm() < 1e-12 * torques, "{} of {torques}", torque.norm());
+        assert!(
+            force.norm() < 1e-12 * forces,
+            "{} of {forces}",
+            force.norm()
+        );
+        assert!(
+            torque.norm() < 1e-12 * torques,
+            "{} of {torques}",
+            torque.norm()
+        );
         for touch in system.solved_touches().iter().filter(|t| t.rubs) {
             let limit = touch.push.abs() * if touch.slides { 1.0 } else { 2.0 };
             let size = touch.friction.norm();
-            assert!(size <= limit * (1.0 + 1e-12) && touch.friction.dot(&touch.normal).abs() < 1e-12 * size.max(1.0));
+            assert!(
+                size <= limit * (1.0 + 1e-12)
+                    && touch.friction.dot(&touch.normal).abs() < 1e-12 * size.max(1.0)
+            );
             rubbing += 1;
             sliding += usize::from(touch.slides);
         }
@@ -126,7 +138,11 @@ fn joints_hold() {
         }
         assert!(parting < 1e-11 * fastest, "{parting} of {fastest}");
     }
-    assert!(system.statistics().pin_drift < 1e-7, "{:?}", system.statistics());
+    assert!(
+        system.statistics().pin_drift < 1e-7,
+        "{:?}",
+        system.statistics()
+    );
 }
 
 /// Jeffery (1922): tan φ = r tan(γ̇t/(r + 1/r)) from the gradient's direction on, r = 0.7 ℓ/b.
@@ -172,14 +188,23 @@ fn elastic_energy_goes_into_the_fluid() {
             power += f.dot(&v) + t.dot(&w);
         }
         // Adams and Bashforth's weights, as the motion has them.
-        work += 1e-4 * if step == 0 { power } else { 1.5 * power - 0.5 * last };
+        work += 1e-4
+            * if step == 0 {
+                power
+            } else {
+                1.5 * power - 0.5 * last
+            };
         last = power;
         before = places(&system);
     }
     let left = system.statistics().elastic_energy;
     println!("{first} to {left}, {work} taken");
     assert!(left < 0.5 * first);
-    assert!((first - left + work).abs() < 1e-3 * first, "{}", first - left + work);
+    assert!(
+        (first - left + work).abs() < 1e-3 * first,
+        "{}",
+        first - left + work
+    );
 }
 
 fn words(system: &LinkedSystem) -> Vec<u64> {
@@ -252,5 +277,9 @@ fn images_in_a_sheared_box_are_alike() {
     let turned = (0..a.segments()).map(|s| a.frame(s).angle_to(&b.frame(s)));
     let largest = turned.fold(0.0, f64::max);
     assert!(largest < 1e-9, "{largest}");
-    assert!(a.solved_touches().iter().any(|t| t.image_velocity != Vector3::zeros()));
+    assert!(
+        a.solved_touches()
+            .iter()
+            .any(|t| t.image_velocity != Vector3::zeros())
+    );
 }

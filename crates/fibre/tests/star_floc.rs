@@ -17,11 +17,16 @@ const TORQUE: f64 = 8.0 * PI * HALF * HALF * HALF;
 
 /// Lines of numbers of a reference table; empty cells are NaN.
 fn table(name: &str) -> Vec<Vec<f64>> {
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../cases/star-floc/reference");
+    let folder = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../cases/star-floc/reference"
+    );
     let text = std::fs::read_to_string(format!("{folder}/{name}.csv")).expect(name);
     let number = |cell: &str| cell.parse().unwrap_or(f64::NAN);
     let lines = text.lines().skip(1);
-    lines.map(|line| line.split(',').map(number).collect()).collect()
+    lines
+        .map(|line| line.split(',').map(number).collect())
+        .collect()
 }
 
 /// From the paper's Euler parameters, axis along the body's z, to frames with the axis along x; y is the same.
@@ -86,8 +91,12 @@ fn floc(without: Without) -> LinkedSystem {
         },
         shear_rate: 0.0,
     };
-    LinkedSystem::new(&Communicator::single(), settings, (0..5).map(fibre).collect())
-        .expect("a floc")
+    LinkedSystem::new(
+        &Communicator::single(),
+        settings,
+        (0..5).map(fibre).collect(),
+    )
+    .expect("a floc")
 }
 
 /// Largest differences from the print over both steps.
@@ -178,9 +187,27 @@ fn nothing_less_reproduces_them() {
     let all = Without::default();
     for (name, without) in [
         ("twist", Without { twist: true, ..all }),
-        ("Y^H", Without { strain_torque: true, ..all }),
-        ("friction", Without { friction: true, ..all }),
-        ("repulsion", Without { repulsion: true, ..all }),
+        (
+            "Y^H",
+            Without {
+                strain_torque: true,
+                ..all
+            },
+        ),
+        (
+            "friction",
+            Without {
+                friction: true,
+                ..all
+            },
+        ),
+        (
+            "repulsion",
+            Without {
+                repulsion: true,
+                ..all
+            },
+        ),
     ] {
         let d = run(without);
         println!("without {name}: {d:?}");

@@ -110,6 +110,9 @@ impl Figures {
             self.substeps = communicator.max(fibres.substeps() as f64) as usize;
             self.segment_substeps = communicator.sum_count(fibres.segment_substeps());
         }
+        if let Some(linked) = &scene.linked {
+            (self.substeps, self.segment_substeps) = (1, linked.segments());
+        }
     }
 
     /// Takes over what the fluid reports, if there is one.

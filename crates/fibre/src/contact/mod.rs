@@ -24,10 +24,10 @@ mod wall;
 
 pub use closest::{ClosestPoints, closest_points, contact_points};
 pub use crossing::crossings;
+pub(crate) use far::Far;
 pub use far::{Lubrication, LubricationModel, Repulsion, VanDerWaals};
 pub use springs::FrictionRecord;
 pub use system::{ContactStatistics, ContactSystem};
-pub(crate) use far::Far;
 pub use wall::{Surface, SurfaceMotion, Wall};
 
 use crate::{PeriodicBox, Vector3};

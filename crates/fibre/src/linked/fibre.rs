@@ -136,7 +136,9 @@ impl LinkedFibre {
 fn relative(frames: &[Quaternion]) -> Vec<Quaternion> {
     let before = std::iter::once(Quaternion::identity()).chain(frames.iter().copied());
     let pairs = before.zip(frames);
-    pairs.map(|(before, frame)| before.inverse() * frame).collect()
+    pairs
+        .map(|(before, frame)| before.inverse() * frame)
+        .collect()
 }
 
 /// Placed frames and those without load.

@@ -156,7 +156,9 @@ impl Group {
         free(&mut residual);
         let scale: f64 = self.contacts.iter().map(|c| c.sliding.norm_squared()).sum();
         let precondition = |r: &[Vector2<f64>]| -> Vec<Vector2<f64>> {
-            (self.contacts.iter().zip(r)).map(|(c, r)| c.inverse * r).collect()
+            (self.contacts.iter().zip(r))
+                .map(|(c, r)| c.inverse * r)
+                .collect()
         };
         let dot = |a: &[Vector2<f64>], b: &[Vector2<f64>]| -> f64 {
             a.iter().zip(b).map(|(a, b)| a.dot(b)).sum()

@@ -183,11 +183,15 @@ fn pins(chain: &Chain, segments: &mut [Segment], drift: f64, work: &mut Workspac
         let rate = e.dot(&(a.spin - b.spin)) * l;
         let right = -parting(chain, segments, i);
         let back = strayed * drift * l / hinge.cross(&b.axis).norm();
-        work.pin
-            .push((row, SVector::<f64, 4>::new(right.x, right.y, right.z, -rate - back)));
+        work.pin.push((
+            row,
+            SVector::<f64, 4>::new(right.x, right.y, right.z, -rate - back),
+        ));
         before = Some(e);
     }
-    solve(&mut work.pin, |m| m.try_inverse().unwrap_or_else(SMatrix::zeros));
+    solve(&mut work.pin, |m| {
+        m.try_inverse().unwrap_or_else(SMatrix::zeros)
+    });
     let mut earlier = segments[0];
     for (segment, (_, x)) in segments[1..].iter_mut().zip(&work.pin) {
         let (_, e) = locked(&earlier, segment);

@@ -217,7 +217,12 @@ impl LinkedSystem {
             }
         });
         for touch in &self.touches {
-            load(&self.chains, &mut self.segments, touch, &(touch.normal * -touch.push));
+            load(
+                &self.chains,
+                &mut self.segments,
+                touch,
+                &(touch.normal * -touch.push),
+            );
         }
     }
 
@@ -237,7 +242,9 @@ impl LinkedSystem {
         if self.settings.friction != [0.0; 2] && self.touches.iter().any(|t| t.rubs) {
             self.groups.sort(&self.touches, self.segments.len());
             let mut held = self.segments.clone();
-            each(&mut self.chains, &mut held, &|chain, segments| push(chain, segments));
+            each(&mut self.chains, &mut held, &|chain, segments| {
+                push(chain, segments)
+            });
             friction::solve(
                 &mut self.touches,
                 &self.groups,
@@ -296,7 +303,9 @@ impl LinkedSystem {
         for (f, chain) in self.chains.iter().enumerate() {
             let segments = &self.segments[self.offsets[f]..self.offsets[f + 1]];
             position.push(segments[0].centre - segments[0].axis * chain.half_length);
-            let last = segments.iter().map(|s| s.centre + s.axis * chain.half_length);
+            let last = segments
+                .iter()
+                .map(|s| s.centre + s.axis * chain.half_length);
             position.extend(last);
         }
     }
@@ -365,10 +374,25 @@ impl LinkedSettings {
         let zero = |x: f64| x >= 0.0 && x.is_finite();
         let [at_rest, sliding] = self.friction;
         for (setting, value, good, requirement) in [
-            ("fluid viscosity", self.viscosity, positive(self.viscosity), "positive"),
+            (
+                "fluid viscosity",
+                self.viscosity,
+                positive(self.viscosity),
+                "positive",
+            ),
             ("skin", self.skin, positive(self.skin), "positive"),
-            ("static friction", at_rest, zero(at_rest), "zero or positive"),
-            ("kinetic friction", sliding, zero(sliding), "zero or positive"),
+            (
+                "static friction",
+                at_rest,
+                zero(at_rest),
+                "zero or positive",
+            ),
+            (
+                "kinetic friction",
+                sliding,
+                zero(sliding),
+                "zero or positive",
+            ),
             (
                 "shear_rate",
                 self.shear_rate,

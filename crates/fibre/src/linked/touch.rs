@@ -1,11 +1,11 @@
 //! Which segments are near each other, and what presses them apart.
 
+use crate::Vector3;
 use crate::contact::broad::search;
 use crate::contact::images::Images;
 use crate::contact::travel::Travel;
 use crate::contact::{ContactError, Repulsion, Segments, closest_points};
 use crate::linked::system::{LinkedSettings, Segment};
-use crate::Vector3;
 use fibreflow_parallel::Communicator;
 use rayon::prelude::*;
 
@@ -191,7 +191,8 @@ impl Neighbours {
         };
         let place = [(points.s, first), (points.t, second)];
         let along = place.map(|(s, ends)| (s - 0.5) * (ends[1] - ends[0]).norm());
-        let arm = |k: usize, sign: f64| axes[k] * along[k] + normal * (sign * (radii[k] + 0.5 * gap));
+        let arm =
+            |k: usize, sign: f64| axes[k] * along[k] + normal * (sign * (radii[k] + 0.5 * gap));
         Some(Touch {
             segments: pair,
             along,

@@ -70,7 +70,11 @@ fn the_worked_example_of_the_matrix() {
         let m = &chains[s].mobility;
         let zero = Vector3::zeros();
         let columns = [Vector3::x(), Vector3::y(), Vector3::z()].map(|unit| {
-            let slips = if part == 0 { [unit, zero] } else { [zero, unit] };
+            let slips = if part == 0 {
+                [unit, zero]
+            } else {
+                [zero, unit]
+            };
             m.drag(&segments[s].axis, &slips[0], &slips[1])[part]
         });
         let resistance = Matrix3::from_columns(&columns);
@@ -84,8 +88,16 @@ fn the_worked_example_of_the_matrix() {
     let [g23, g32] = touches[1].arms;
     let [g34, g43] = touches[2].arms;
     let expected = [
-        [Some(j(0, &g14, &g14) + j(3, &g41, &g41)), None, Some(j(3, &g41, &g43))],
-        [None, Some(j(1, &g23, &g23) + j(2, &g32, &g32)), Some(-j(2, &g32, &g34))],
+        [
+            Some(j(0, &g14, &g14) + j(3, &g41, &g41)),
+            None,
+            Some(j(3, &g41, &g43)),
+        ],
+        [
+            None,
+            Some(j(1, &g23, &g23) + j(2, &g32, &g32)),
+            Some(-j(2, &g32, &g34)),
+        ],
         [
             Some(j(3, &g43, &g41)),
             Some(-j(2, &g34, &g32)),

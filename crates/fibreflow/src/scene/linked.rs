@@ -1,0 +1,72 @@
+//! The linked fibres of a case, placed.
+
+use super::contacts::{repulsion, shear_rate};
+use super::fibres::fibre;
+use super::population::{PlacementReport, Populate};
+use crate::case::{Joints, Placement, Spheroid};
+use crate::error::ProgramError;
+use fibreflow_fibre::hydrodynamics::SpheroidRatio;
+use fibreflow_fibre::linked::{Joint, LinkedFibre, LinkedSettings, LinkedSystem};
+use fibreflow_parallel::Communicator;
+use nalgebra::Vector3;
+use std::f64::consts::PI;
+
+/// The fibres of a case with linked ones, and what came of the random groups; None for one without.
+///
+/// # Errors
+/// Fibres that do not fit or have impossible constants; more than one rank.
+pub fn place(
+    populate: &Populate<'_>,
+    communicator: &Communicator,
+) -> Result<Option<(LinkedSystem, Vec<PlacementReport>)>, ProgramError> {
+    let case = populate.case;
+    let Some(ambient) = case.ambient.as_ref().filter(|_| case.linked()) else {
+        return Ok(None);
+    };
+    let lines = populate.centre_lines()?;
+    let (nodes, reports) = populate.place(&lines)?;
+    let mut fibres = Vec::new();
+    for (k, (group, nodes)) in case.fibres.iter().zip(nodes).enumerate() {
+        let moduli = populate.moduli(k, nodes.len())?;
+        let framed = match &group.placement {
+            Placement::Frames { file } => Some(populate.frames(k, file)?),
+            _ => None,
+        };
+        let joint = match group.joints {
+            Joints::Ball => Joint::Ball,
+            Joints::Pin => Joint::Pin,
+        };
+        for (j, (nodes, modulus)) in nodes.into_iter().zip(moduli).enumerate() {
+            let beam = fibre(fibres.len() as u64, group, &lines[k], nodes, modulus, case);
+            let mut linked = LinkedFibre::new(&beam, joint).map_err(ProgramError::input)?;
+            if let Some(framed) = &framed {
+                linked.centre = framed[j].centre;
+                linked.frames.clone_from(&framed[j].frames);
+            }
+            let volume = 2.0 * linked.half_length * PI * linked.radius * linked.radius;
+            let gravity = Vector3::from(case.gravity.acceleration);
+            linked.weight = gravity * ((group.density - ambient.density) * volume);
+            fibres.push(linked);
+        }
+    }
+    let thickest = case.fibres.iter().map(|g| g.diameter).fold(0.0, f64::max);
+    let contact = case.contact.as_ref();
+    let friction = contact.map_or(0.0, |c| c.friction);
+    let settings = LinkedSettings {
+        viscosity: ambient.viscosity,
+        spheroid: match case.hydrodynamics.spheroid {
+            Spheroid::Cox => SpheroidRatio::Cox,
+            Spheroid::Bretherton => SpheroidRatio::Bretherton,
+        },
+        repulsion: contact.and_then(|c| c.repulsion.as_ref()).map(repulsion),
+        friction: [
+            friction,
+            contact.and_then(|c| c.sliding_friction).unwrap_or(friction),
+        ],
+        skin: contact.and_then(|c| c.skin).unwrap_or(thickest),
+        periodic: populate.periodic,
+        shear_rate: shear_rate(case),
+    };
+    let system = LinkedSystem::new(communicator, settings, fibres).map_err(ProgramError::input)?;
+    Ok(Some((system, reports)))
+}
