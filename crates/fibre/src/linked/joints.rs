@@ -21,10 +21,11 @@ impl Strain {
     pub fn of(before: &Segment, after: &Segment) -> Self {
         let rest: Quaternion = before.frame * after.equilibrium;
         let along = rest * Vector3::x();
-        let line = (before.axis + after.axis).normalize();
+        let [first, axis] = [before, after].map(|s| s.frame * Vector3::x());
+        let line = (first + axis).normalize();
         let across = |x: Vector3| x - line * line.dot(&x);
         Self {
-            bend: angle(&after.axis, &along),
+            bend: angle(&axis, &along),
             twist: angle(
                 &across(after.frame * Vector3::y()),
                 &across(rest * Vector3::y()),

@@ -13,6 +13,8 @@ pub(super) struct Mobility {
     pub torque: [f64; 2],
     /// Y^H/Y^C.
     pub strain: f64,
+    /// 6πμℓ \[N·s/m\].
+    pub stokes: f64,
 }
 
 impl Mobility {
@@ -25,6 +27,7 @@ impl Mobility {
             force: functions.force.map(|x| 1.0 / (stokes * x)),
             torque: functions.spin.map(|x| 1.0 / (turning * x)),
             strain: functions.strain / functions.spin[1],
+            stokes,
         }
     }
 

@@ -22,6 +22,10 @@ pub struct LinkedStatistics {
     pub pin_drift: f64,
     /// Searches for neighbours since the start.
     pub searches: usize,
+    /// Sub-steps of the last step.
+    pub steps: usize,
+    /// Sweeps over the contacts in the last step.
+    pub sweeps: usize,
 }
 
 impl LinkedSystem {
@@ -97,9 +101,15 @@ impl LinkedSystem {
         self.time
     }
 
-    /// Force and torque of the flow on a segment that moves as in the last step, given the flow where it was then \[N, N·m\].
-    pub fn drag(&self, segment: usize, axis: &Vector3, flow: &(Vector3, Matrix3)) -> [Vector3; 2] {
+    /// Centre and axis of a segment at which it felt the flow in the last step: at its start, or in the middle of an implicit one.
+    pub fn felt(&self, segment: usize) -> [Vector3; 2] {
+        self.segments[segment].felt
+    }
+
+    /// Force and torque of the flow on a segment in the last step, given the flow at [`LinkedSystem::felt`] \[N, N·m\].
+    pub fn drag(&self, segment: usize, flow: &(Vector3, Matrix3)) -> [Vector3; 2] {
         let s = &self.segments[segment];
+        let axis = &s.felt[1];
         let mobility = &self.chains[s.chain as usize].mobility;
         let (velocity, gradient) = flow;
         let slip = velocity - s.velocity;
@@ -110,6 +120,8 @@ impl LinkedSystem {
     pub fn statistics(&self) -> LinkedStatistics {
         let mut figures = LinkedStatistics {
             searches: self.neighbours.searches,
+            steps: self.counts.steps,
+            sweeps: self.counts.sweeps,
             sliding: self.solved.iter().filter(|t| t.slides).count(),
             ..LinkedStatistics::default()
         };

@@ -3,18 +3,23 @@
 use super::fibre::{Joint, LinkedFibre};
 use super::system::LinkedSystem;
 use crate::state::{Reader, Words};
-use crate::{FibreError, FibreRecord, FibreState};
+use crate::{FibreError, FibreRecord, FibreState, Vector3};
 use nalgebra::Quaternion as Parameters;
 
 const TIME: &str = "linked.time";
 const STEP: &str = "linked.step";
+const TRIAL: &str = "linked.trial";
 
 impl LinkedSystem {
     /// All that decides how the fibres move on, given the settings: a restored system goes on bit by bit.
     pub fn state(&self) -> FibreState {
         FibreState {
             records: (0..self.fibres()).map(|f| self.record(f)).collect(),
-            scalars: vec![(TIME.into(), self.time), (STEP.into(), self.last_step)],
+            scalars: vec![
+                (TIME.into(), self.time),
+                (STEP.into(), self.last_step),
+                (TRIAL.into(), self.trial),
+            ],
         }
     }
 
@@ -39,6 +44,14 @@ impl LinkedSystem {
                 words.numbers(v.as_slice());
             }
         }
+        // Forces of the last step are where the next one starts to look.
+        let own = self.offsets[fibre] as u32..self.offsets[fibre + 1] as u32;
+        for touch in self.solved.iter().filter(|t| own.contains(&t.segments[0])) {
+            let [a, b] = touch.segments.map(|s| self.neighbours.id(s as usize));
+            words.0.extend([a, b]);
+            words.numbers(&[touch.repulsion]);
+            words.numbers(touch.friction.as_slice());
+        }
         let (id, words) = (chain.id, words.0);
         FibreRecord { id, words }
     }
@@ -53,20 +66,27 @@ impl LinkedSystem {
             found.map_or(0.0, |(_, value)| *value)
         };
         (self.time, self.last_step) = (scalar(TIME), scalar(STEP));
+        self.trial = scalar(TRIAL);
         state.records.sort_by_key(|record| record.id);
         self.chains.clear();
         self.segments.clear();
         self.neighbours.clear();
         self.offsets.truncate(1);
+        let mut forces = Vec::new();
         for record in &state.records {
-            self.read(record)?;
+            self.read(record, &mut forces)?;
         }
         self.regrow();
         self.find_touches()?;
+        self.remember(&forces);
         Ok(())
     }
 
-    fn read(&mut self, record: &FibreRecord) -> Result<(), FibreError> {
+    fn read(
+        &mut self,
+        record: &FibreRecord,
+        forces: &mut Vec<([u64; 2], f64, Vector3)>,
+    ) -> Result<(), FibreError> {
         let mut reader = Reader {
             fibre: record.id,
             words: &record.words,
@@ -108,6 +128,11 @@ impl LinkedSystem {
                 reader.vector()?,
             ];
             rest.push((Parameters::new(w, i, j, k), vectors));
+        }
+        while !reader.words.is_empty() {
+            let pair = [reader.word()?, reader.word()?];
+            let [repulsion] = reader.numbers()?;
+            forces.push((pair, repulsion, reader.vector()?));
         }
         let first = self.segments.len();
         self.push(&fibre)?;

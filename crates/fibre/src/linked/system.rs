@@ -5,6 +5,7 @@ use super::friction;
 use super::groups::Groups;
 use super::joints::{Strain, Workspace, hold, push};
 use super::mobility::Mobility;
+use super::step::{Counts, Scratch};
 use super::touch::{Neighbours, Touch};
 use crate::contact::{ContactError, Far, Repulsion};
 use crate::hydrodynamics::SpheroidRatio;
@@ -12,9 +13,21 @@ use crate::{FibreError, FibreSystem, FlowFormula, PeriodicBox, Quaternion, Vecto
 use fibreflow_parallel::Communicator;
 use nalgebra::Quaternion as Parameters;
 
+/// How a step is taken.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LinkedScheme {
+    /// Scheme A: explicit, friction with the joint forces of the step before (S 2.9.2).
+    #[default]
+    Explicit,
+    /// Scheme B: bending, twist and repulsion implicit, joints and friction solved together.
+    Implicit,
+}
+
 /// Settings of linked fibres.
 #[derive(Clone, Debug)]
 pub struct LinkedSettings {
+    /// How a step is taken.
+    pub scheme: LinkedScheme,
     /// Dynamic viscosity of the fluid \[Pa·s\].
     pub viscosity: f64,
     /// The spheroid that stands for a segment; Switzer's is [`SpheroidRatio::Bretherton`].
@@ -52,6 +65,8 @@ pub(super) struct Chain {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Segment {
     pub chain: u32,
+    /// Index among all segments.
+    pub index: u32,
     /// First of its fibre.
     pub first: bool,
     pub centre: Vector3,
@@ -59,6 +74,8 @@ pub(super) struct Segment {
     /// Frame without load by that of the segment before.
     pub equilibrium: Quaternion,
     pub axis: Vector3,
+    /// Centre and axis at which the flow was felt in the last step.
+    pub felt: [Vector3; 2],
     pub velocity: Vector3,
     pub spin: Vector3,
     /// Force in the joint before it, on the segment before; zero for the first \[N\].
@@ -93,6 +110,10 @@ pub struct LinkedSystem {
     pub(super) time: f64,
     /// Length of the step before \[s\]; zero before the first.
     pub(super) last_step: f64,
+    /// Longest sub-step that the implicit scheme tries next \[s\].
+    pub(super) trial: f64,
+    pub(super) counts: Counts,
+    pub(super) implicit: Scratch,
 }
 
 impl LinkedSystem {
@@ -121,6 +142,9 @@ impl LinkedSystem {
             groups: Groups::default(),
             time: 0.0,
             last_step: 0.0,
+            trial: f64::INFINITY,
+            counts: Counts::default(),
+            implicit: Scratch::default(),
         };
         for fibre in &fibres {
             system.push(fibre)?;
@@ -150,11 +174,13 @@ impl LinkedSystem {
             self.neighbours.push(id, node, fibre.radius);
             self.segments.push(Segment {
                 chain: chain as u32,
+                index: self.segments.len() as u32,
                 first: k == 0,
                 centre: Vector3::zeros(),
                 frame,
                 equilibrium,
                 axis: frame * Vector3::x(),
+                felt: [Vector3::zeros(); 2],
                 velocity: Vector3::zeros(),
                 spin: Vector3::zeros(),
                 joint_force: Vector3::zeros(),
@@ -180,11 +206,19 @@ impl LinkedSystem {
         Ok(())
     }
 
-    /// One step in a flow (S 2.10.2): explicit Euler the first time, Adams–Bashforth of second order after.
+    /// One step in a flow. Scheme A (S 2.10.2): explicit Euler the first time, Adams–Bashforth of second order after. Scheme B: as many
+    /// sub-steps as the drift of the joints asks for.
     ///
     /// # Errors
     /// A periodic box that is too short for the segments, fibres at positions that are not finite.
     pub fn advance(&mut self, flow: FlowFormula<'_>, step: f64) -> Result<(), FibreError> {
+        if self.settings.scheme == LinkedScheme::Implicit {
+            return self.advance_implicit(flow, step);
+        }
+        self.counts = Counts {
+            steps: 1,
+            sweeps: 0,
+        };
         self.move_freely(flow);
         self.solve(step);
         self.integrate(step);
@@ -209,6 +243,7 @@ impl LinkedSystem {
                     None => Vector3::zeros(),
                 };
                 let s = &mut segments[i];
+                s.felt = [s.centre, s.axis];
                 let (velocity, gradient) = flow(&s.centre, 0.0);
                 s.velocity = velocity + chain.mobility.velocity(&s.axis, &chain.weight);
                 s.spin = chain.mobility.turned(&s.axis, &gradient)
@@ -313,10 +348,22 @@ impl LinkedSystem {
     /// Contacts at the present positions.
     pub(super) fn find_touches(&mut self) -> Result<(), ContactError> {
         let strain = self.settings.shear_rate * self.time;
-        (self.neighbours).touches(&self.segments, &self.settings, strain, &mut self.touches)
+        // Within a long step pairs can come near from farther away.
+        let more = match self.settings.scheme {
+            LinkedScheme::Explicit => 0.0,
+            LinkedScheme::Implicit => 0.5 * self.settings.skin,
+        };
+        let Self {
+            neighbours,
+            segments,
+            settings,
+            touches,
+            ..
+        } = self;
+        neighbours.touches(segments, settings, strain, more, touches)
     }
 
-    fn check_finite(&self) -> Result<(), FibreError> {
+    pub(super) fn check_finite(&self) -> Result<(), FibreError> {
         let sum = |s: &Segment| s.centre.sum() + s.frame.coords.sum();
         match self.segments.iter().position(|s| !sum(s).is_finite()) {
             None => Ok(()),
@@ -344,17 +391,29 @@ fn load(chains: &[Chain], segments: &mut [Segment], touch: &Touch, force: &Vecto
     }
 }
 
-/// Runs `work` on every fibre with its segments, in parallel.
-fn each(
+/// What belongs to a segment of a fibre.
+pub(super) trait Of {
+    /// Index of the fibre.
+    fn chain(&self) -> u32;
+}
+
+impl Of for Segment {
+    fn chain(&self) -> u32 {
+        self.chain
+    }
+}
+
+/// Runs `work` on every fibre with what belongs to its segments, in parallel.
+pub(super) fn each<T: Of + Send>(
     chains: &mut [Chain],
-    segments: &mut [Segment],
-    work: &(impl Fn(&mut Chain, &mut [Segment]) + Sync),
+    segments: &mut [T],
+    work: &(impl Fn(&mut Chain, &mut [T]) + Sync),
 ) {
     if segments.len() <= GRAIN || chains.len() == 1 {
         let mut rest = segments;
         for chain in chains {
-            let first = rest.first().map_or(0, |s| s.chain);
-            let count = rest.iter().position(|s| s.chain != first);
+            let first = rest.first().map_or(0, Of::chain);
+            let count = rest.iter().position(|s| s.chain() != first);
             let (own, others) = rest.split_at_mut(count.unwrap_or(rest.len()));
             work(chain, own);
             rest = others;
@@ -362,8 +421,8 @@ fn each(
         return;
     }
     let (left, right) = chains.split_at_mut(chains.len() / 2);
-    let first = segments[0].chain as usize + left.len();
-    let at = segments.partition_point(|s| (s.chain as usize) < first);
+    let first = segments[0].chain() as usize + left.len();
+    let at = segments.partition_point(|s| (s.chain() as usize) < first);
     let (low, high) = segments.split_at_mut(at);
     rayon::join(|| each(left, low, work), || each(right, high, work));
 }

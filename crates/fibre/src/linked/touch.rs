@@ -26,6 +26,8 @@ pub struct Touch {
     pub normal: Vector3,
     /// Force by which they repel each other \[N\]; negative for attraction.
     pub push: f64,
+    /// The part of it that is repulsion, where the step solves for it (scheme B) \[N\].
+    pub repulsion: f64,
     /// Whether they rub.
     pub rubs: bool,
     /// Friction on a \[N\]; b feels the opposite.
@@ -88,6 +90,16 @@ impl Neighbours {
         self.built = None;
     }
 
+    /// Global id of a segment.
+    pub fn id(&self, segment: usize) -> u64 {
+        self.ids[segment]
+    }
+
+    /// Index of a segment.
+    pub fn find(&self, id: u64) -> Option<u32> {
+        self.ids.binary_search(&id).ok().map(|k| k as u32)
+    }
+
     /// A segment with the first of its nodes.
     pub fn push(&mut self, id: u64, node: u32, radius: f64) {
         self.ids.push(id);
@@ -143,7 +155,7 @@ impl Neighbours {
         [self.position[node], self.position[node + 1]]
     }
 
-    /// All pairs in range with their repulsion, in the order of the segments; friction is zero.
+    /// All pairs in range, and those farther apart by less than `more`, with their repulsion, in the order of the segments; friction is zero.
     ///
     /// # Errors
     /// A periodic box that is too short, positions that are not finite.
@@ -152,6 +164,7 @@ impl Neighbours {
         segments: &[Segment],
         settings: &LinkedSettings,
         strain: f64,
+        more: f64,
         out: &mut Vec<Touch>,
     ) -> Result<(), ContactError> {
         out.clear();
@@ -159,9 +172,10 @@ impl Neighbours {
             return Ok(());
         };
         let images = Images::new(&settings.periodic, settings.shear_rate, strain);
-        self.update(&images, strain, law.range, settings.skin)?;
+        self.update(&images, strain, law.range + more, settings.skin)?;
+        let limit = law.range + more;
         let pairs = self.candidates.par_iter().with_min_len(256);
-        out.par_extend(pairs.filter_map(|&pair| self.touch(pair, segments, &law, &images)));
+        out.par_extend(pairs.filter_map(|&pair| self.touch(pair, segments, &law, &images, limit)));
         at_joints(out, segments);
         Ok(())
     }
@@ -172,6 +186,7 @@ impl Neighbours {
         segments: &[Segment],
         law: &Repulsion,
         images: &Images,
+        limit: f64,
     ) -> Option<Touch> {
         let [first, mut second] = pair.map(|s| self.ends(s));
         let image = images.beside(&first, &second);
@@ -179,7 +194,7 @@ impl Neighbours {
         let radii = pair.map(|s| self.radius[s as usize]);
         let points = closest_points(&first, &second);
         let gap = points.distance - radii[0] - radii[1];
-        if gap >= law.range {
+        if gap >= limit {
             return None;
         }
         let axes = pair.map(|s| segments[s as usize].axis);
@@ -200,7 +215,12 @@ impl Neighbours {
             distance: points.distance,
             gap,
             normal,
-            push: law.bare(gap.max(DEEPEST * law.decay)),
+            push: if gap < law.range {
+                law.bare(gap.max(DEEPEST * law.decay))
+            } else {
+                0.0
+            },
+            repulsion: 0.0,
             rubs: gap < law.contact_gap,
             friction: Vector3::zeros(),
             slides: false,

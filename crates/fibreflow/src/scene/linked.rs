@@ -3,10 +3,10 @@
 use super::contacts::{repulsion, shear_rate};
 use super::fibres::fibre;
 use super::population::{PlacementReport, Populate};
-use crate::case::{Joints, Placement, Spheroid};
+use crate::case::{IntegratorKind, Joints, Placement, Spheroid};
 use crate::error::ProgramError;
 use fibreflow_fibre::hydrodynamics::SpheroidRatio;
-use fibreflow_fibre::linked::{Joint, LinkedFibre, LinkedSettings, LinkedSystem};
+use fibreflow_fibre::linked::{Joint, LinkedFibre, LinkedScheme, LinkedSettings, LinkedSystem};
 use fibreflow_parallel::Communicator;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
@@ -53,6 +53,10 @@ pub fn place(
     let contact = case.contact.as_ref();
     let friction = contact.map_or(0.0, |c| c.friction);
     let settings = LinkedSettings {
+        scheme: match case.mechanics.integrator {
+            IntegratorKind::Explicit => LinkedScheme::Explicit,
+            IntegratorKind::Auto | IntegratorKind::Implicit => LinkedScheme::Implicit,
+        },
         viscosity: ambient.viscosity,
         spheroid: match case.hydrodynamics.spheroid {
             Spheroid::Cox => SpheroidRatio::Cox,

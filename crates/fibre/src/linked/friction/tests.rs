@@ -23,11 +23,13 @@ fn cluster() -> (Vec<Chain>, Vec<Segment>, Vec<Touch>) {
     };
     let mut segment = |k: u32| Segment {
         chain: k,
+        index: k,
         first: true,
         centre: vector(),
         frame: Quaternion::identity(),
         equilibrium: Quaternion::identity(),
         axis: vector().normalize(),
+        felt: [Vector3::zeros(); 2],
         velocity: vector(),
         spin: vector(),
         joint_force: Vector3::zeros(),
@@ -43,6 +45,7 @@ fn cluster() -> (Vec<Chain>, Vec<Segment>, Vec<Touch>) {
         gap: 0.0,
         normal: vector().normalize(),
         push: 1.0,
+        repulsion: 0.0,
         rubs: true,
         friction: Vector3::zeros(),
         slides: false,
