@@ -328,3 +328,88 @@ fn images_in_a_sheared_box_are_alike() {
         );
     }
 }
+
+/// g(r) beside all pairs and images; flocs beside a walk over the contacts.
+#[test]
+fn pairs_and_flocs_are_counted() {
+    let mut system = system(in_box(LinkedScheme::Implicit), crowd(60, 120.0, 3));
+    for _ in 0..20 {
+        system.advance(&shear, 1e-2).expect("a step");
+    }
+    let (range, bins, edge) = (50.0, 5, 120.0);
+    let found = system
+        .pair_distribution(range, bins)
+        .expect("a distribution");
+    let mut counts = vec![0.0; bins];
+    let ahead = edge * system.time();
+    for a in 0..60 {
+        for b in 0..a {
+            let mut least = f64::INFINITY;
+            for k in 0..125 {
+                let [x, y, z] = [k % 5 - 2, k / 5 % 5 - 2, k / 25 - 2].map(f64::from);
+                let image = Vector3::new(x * edge + y * ahead, y * edge, z * edge);
+                least = least.min((system.centre(a) - system.centre(b) + image).norm());
+            }
+            if least < range {
+                counts[(least / range * bins as f64) as usize] += 1.0;
+            }
+        }
+    }
+    for (k, count) in counts.iter().enumerate() {
+        let shell = 4.0 / 3.0 * PI * 1e3 * ((k + 1).pow(3) - k.pow(3)) as f64;
+        let expected = count / (0.5 * 3600.0 / edge.powi(3) * shell);
+        assert!(
+            (found[k] - expected).abs() < 1e-9 * (1.0 + expected),
+            "{k}: {found:?} {counts:?}"
+        );
+    }
+
+    let labels = system.flocs();
+    let of = |segment: u32| {
+        (0..60)
+            .find(|f| system.offsets()[f + 1] > segment as usize)
+            .expect("a fibre")
+    };
+    let mut joined: Vec<usize> = (0..60).collect();
+    let pairs = || {
+        system
+            .touches()
+            .iter()
+            .filter(|t| t.rubs)
+            .map(|t| t.segments.map(of))
+    };
+    for _ in 0..60 {
+        for [a, b] in pairs() {
+            let least = joined[a].min(joined[b]);
+            (joined[a], joined[b]) = (least, least);
+        }
+    }
+    assert!(labels.iter().zip(&joined).all(|(a, b)| *a as usize == *b));
+    let (flocs, largest) = system.floc_sizes();
+    assert!(flocs > 0 && largest > 1.5 / 60.0, "{flocs} {largest}");
+}
+
+/// A rigid segment along the axis of compression takes no part in the flow's strain along itself: S 2.104 by hand.
+#[test]
+fn stress_of_a_held_direction() {
+    let along = Vector3::new(1.0, -1.0, 0.0).normalize();
+    let beam = Fibre::new(
+        0,
+        Material::new(1.0, 1.0, 0.3, 1.0),
+        vec![along * -10.0, along * 10.0],
+    );
+    let fibre = LinkedFibre::new(&beam, Joint::Ball).expect("a fibre");
+    let mut system = system(settings(), vec![fibre]);
+    system.advance(&shear, 1e-9).expect("a step");
+    let [drag, contact] = system.particle_stress(&shear);
+    // E:pp = −½, the rest turns: ζ ½ (2ℓ³/3) (−½) (pp − δ/3), ζ = 4πμ/ln 2r; and across, what turns too slowly.
+    let zeta = 4.0 * PI / 20.0_f64.ln();
+    let lengthwise = along.dot(&(drag * along));
+    let expected = 0.5 * zeta * (1000.0 / 1.5) * -0.5;
+    let trace = expected / 3.0;
+    assert!(
+        (lengthwise - (expected - trace)).abs() < 1e-6 * expected.abs(),
+        "{lengthwise} {expected}"
+    );
+    assert_eq!(contact, Matrix3::zeros());
+}

@@ -78,8 +78,14 @@ pub fn describe(scene: &Scene, case: &Case) -> Vec<String> {
     }
     if let Some(linked) = &scene.linked {
         lines.push(format!(
-            "  linked: {} rigid segments, joints by constraint forces, friction by groups of contacts (Switzer 2002, 2.9.2)",
-            linked.segments()
+            "  linked: {} rigid segments, {}",
+            linked.segments(),
+            match case.mechanics.integrator {
+                IntegratorKind::Explicit =>
+                    "explicit, friction by groups of contacts (Switzer 2002, 2.9.2)",
+                IntegratorKind::Auto | IntegratorKind::Implicit =>
+                    "implicit, joints and friction solved together",
+            }
         ));
     }
     for (k, group) in case.fibres.iter().enumerate() {

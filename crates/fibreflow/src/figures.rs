@@ -111,7 +111,8 @@ impl Figures {
             self.segment_substeps = communicator.sum_count(fibres.segment_substeps());
         }
         if let Some(linked) = &scene.linked {
-            (self.substeps, self.segment_substeps) = (1, linked.segments());
+            self.substeps = linked.sub_steps();
+            self.segment_substeps = self.substeps * linked.segments();
         }
     }
 

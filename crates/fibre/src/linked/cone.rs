@@ -6,14 +6,18 @@
 
 use super::touch::across;
 use crate::{Matrix3, Vector3};
-use nalgebra::Vector2;
+use nalgebra::{Matrix2, Vector2};
 
-/// Relative change of the forces in a sweep at which they are found.
-const TOLERANCE: f64 = 1e-7;
+/// Relative change of the forces in a sweep at which they are found; the next step starts from them.
+const TOLERANCE: f64 = 1e-4;
+/// The same in the turns within a contact.
+const LOCAL: f64 = 1e-9;
 /// Least answer of a contact to its own repulsion, by the sum of its answers.
 const LEAST: f64 = 1e-9;
+/// Turns of repulsion and friction in a contact that slides.
+const TURNS: usize = 20;
 /// Sweeps after which the forces are taken as they are.
-const MOST: usize = 300;
+const MOST: usize = 200;
 
 /// One contact.
 #[derive(Clone, Debug)]
@@ -138,27 +142,55 @@ pub(super) fn solve(contacts: &mut [Contact], coupling: &Coupling, law: &Law) ->
     sweeps
 }
 
-/// Force of one contact whose velocities are `others` + `own` f: repulsion with the friction that it has, then friction with
-/// that repulsion.
+/// Force of one contact whose velocities are `others` + `own` f. Where it sticks, repulsion and friction are found together;
+/// where it slides, in turns.
 fn local(contact: &Contact, others: &Vector3, own: &Matrix3, friction: f64, law: &Law) -> Vector3 {
-    let f = &contact.force;
-    let open = others.x + own[(0, 1)] * f.y + own[(0, 2)] * f.z;
     // Two places of one fibre can be all but rigid to each other.
-    let opening = law.step * own[(0, 0)].max(LEAST * own.trace());
-    let normal = repulsion(contact.gap + law.step * open, opening, law);
-    let limit = friction * normal;
-    if limit == 0.0 {
-        return Vector3::new(normal, 0.0, 0.0);
-    }
-    let slip = Vector2::new(
-        others.y + own[(1, 0)] * normal,
-        others.z + own[(2, 0)] * normal,
-    );
-    let block = own.fixed_view::<2, 2>(1, 1).into_owned();
-    let eigen = block.symmetric_eigen();
-    let slip = eigen.eigenvectors.tr_mul(&slip);
-    // Σ (slip_k/(g_k + s))² = limit² has one root s ≥ 0 where sticking takes more; |velocity| = s · limit.
     let least = LEAST * own.trace();
+    let at_rest = |open: f64, own: f64| {
+        repulsion(
+            contact.gap + law.step * open,
+            law.step * own.max(least),
+            law,
+        )
+    };
+    if friction == 0.0 {
+        return Vector3::new(at_rest(others.x, own[(0, 0)]), 0.0, 0.0);
+    }
+    let plane = own.fixed_view::<2, 2>(1, 1).into_owned();
+    let mixed = Vector2::new(own[(0, 1)], own[(0, 2)]);
+    let slip = Vector2::new(others.y, others.z);
+    if let Some(inverse) = plane.try_inverse() {
+        // Friction that holds: f_t = −G_tt⁻¹(w_t + G_t0 f_0).
+        let (free, answer) = (inverse * slip, inverse * mixed);
+        let open = others.x - mixed.dot(&free);
+        let normal = at_rest(open, own[(0, 0)] - mixed.dot(&answer));
+        let held = -free - answer * normal;
+        if held.norm() <= friction * normal {
+            return Vector3::new(normal, held.x, held.y);
+        }
+    }
+    let mut force = contact.force;
+    for _ in 0..TURNS {
+        let open = others.x + mixed.x * force.y + mixed.y * force.z;
+        let normal = at_rest(open, own[(0, 0)]);
+        let slip = slip + mixed * normal;
+        let held = sliding(&slip, &plane, friction * normal, least);
+        let next = Vector3::new(normal, held.x, held.y);
+        let change = (next - force).norm_squared();
+        force = next;
+        if change <= LOCAL * LOCAL * force.norm_squared() {
+            break;
+        }
+    }
+    force
+}
+
+/// The force of at most `limit` against a velocity `slip` + G f: the point of the disc that the velocity is opposed to.
+fn sliding(slip: &Vector2<f64>, plane: &Matrix2<f64>, limit: f64, least: f64) -> Vector2<f64> {
+    let eigen = plane.symmetric_eigen();
+    let slip = eigen.eigenvectors.tr_mul(slip);
+    // Σ (slip_k/(g_k + s))² = limit² has one root s ≥ 0 where sticking takes more; |velocity| = s · limit.
     let answers = eigen.eigenvalues.map(|g| g.max(least));
     let at = |s: f64| Vector2::from_fn(|k, _| -slip[k] / (answers[k] + s));
     let mut held = at(0.0);
@@ -180,8 +212,7 @@ fn local(contact: &Contact, others: &Vector3, own: &Matrix3, friction: f64, law:
         held = at(s);
         held *= limit / held.norm();
     }
-    let held = eigen.eigenvectors * held;
-    Vector3::new(normal, held.x, held.y)
+    eigen.eigenvectors * held
 }
 
 /// y = F exp(−(h + c y)/λ): with z = c y/λ, z + ln z = ln(cF/λ) − h/λ.

@@ -93,6 +93,28 @@ impl LinkedFibre {
         })
     }
 
+    /// The same fibre with the body axes of another one that has its shape without load: frames and equilibrium are those of `shape`, turned
+    /// as a whole to where this fibre is. For fibres that are placed in that shape.
+    pub fn with_axes_of(mut self, shape: &Self) -> Self {
+        let axes = |frames: &[Quaternion]| {
+            let along = |k: usize| frames[k] * Vector3::x();
+            let first = along(0);
+            let bend = (1..frames.len()).map(|k| first.cross(&along(k)));
+            let bend = bend.max_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()));
+            bend.filter(|b| b.norm() > 1e-9).map(|bend| {
+                let up = bend.normalize();
+                let matrix = nalgebra::Matrix3::from_columns(&[first, up.cross(&first), up]);
+                Quaternion::from_matrix(&matrix)
+            })
+        };
+        if let (Some(here), Some(there)) = (axes(&self.frames), axes(&shape.frames)) {
+            let turn = here * there.inverse();
+            self.frames = shape.frames.iter().map(|frame| turn * frame).collect();
+            self.equilibrium.clone_from(&shape.equilibrium);
+        }
+        self
+    }
+
     pub(super) fn check(&self) -> Result<(), FibreError> {
         let fibre = self.id;
         let segments = self.frames.len();

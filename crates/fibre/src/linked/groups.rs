@@ -86,7 +86,8 @@ impl Groups {
     }
 }
 
-fn root(parent: &mut [u32], mut s: u32) -> u32 {
+/// The leader of a segment's group.
+pub(super) fn root(parent: &mut [u32], mut s: u32) -> u32 {
     while parent[s as usize] != s {
         // Halving the path keeps trees flat.
         parent[s as usize] = parent[parent[s as usize] as usize];

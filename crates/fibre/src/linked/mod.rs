@@ -15,6 +15,7 @@ mod mobility;
 mod observe;
 mod state;
 mod step;
+mod structure;
 mod system;
 mod touch;
 

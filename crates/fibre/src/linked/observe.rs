@@ -96,6 +96,11 @@ impl LinkedSystem {
         &self.solved
     }
 
+    /// Sub-steps of the last step.
+    pub fn sub_steps(&self) -> usize {
+        self.counts.steps
+    }
+
     /// Simulated time \[s\].
     pub fn time(&self) -> f64 {
         self.time

@@ -36,6 +36,8 @@ pub struct Touch {
     pub slides: bool,
     /// From the segments' centres to the middle of the gap \[m\] (S 2.2).
     pub arms: [Vector3; 2],
+    /// Of the image of b that is next to a: what to take off the position of b \[m\].
+    pub shift: Vector3,
     /// Velocity of the image of b that is next to a, by that of b itself \[m/s\].
     pub image_velocity: Vector3,
 }
@@ -79,6 +81,10 @@ impl Neighbours {
             built: None,
             searches: 0,
         }
+    }
+
+    pub fn communicator(&self) -> &Communicator {
+        &self.communicator
     }
 
     /// Forgets all segments.
@@ -225,6 +231,7 @@ impl Neighbours {
             friction: Vector3::zeros(),
             slides: false,
             arms: [arm(0, 1.0), arm(1, -1.0)],
+            shift: image.shift,
             image_velocity: image.velocity,
         })
     }

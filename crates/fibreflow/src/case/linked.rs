@@ -1,10 +1,7 @@
 //! Rules for linked fibres.
 
 use super::validate::Checked;
-use super::{
-    Case, Clamp, Document, DragLaw, FibreGroup, IntegratorKind, Joints, Kinematics, Placement,
-    TorqueLaw,
-};
+use super::{Case, Clamp, Document, DragLaw, FibreGroup, Joints, Kinematics, Placement, TorqueLaw};
 
 /// What linked fibres need, and what they do not know.
 pub(super) fn check(case: &Case, document: &Document) -> Checked {
@@ -40,16 +37,32 @@ pub(super) fn check(case: &Case, document: &Document) -> Checked {
         check_group(group, k, document)?;
     }
     check_contacts(case, document)?;
+    let observables = case.output.observables.as_ref();
     let refused = [
         ("hydrodynamics.fluid_inertia", laws.fluid_inertia),
-        ("output.observables", case.output.observables.is_some()),
         ("exact", case.exact.is_some()),
         (
-            "mechanics.integrator",
-            case.mechanics.integrator == IntegratorKind::Implicit,
+            "output.observables.energy",
+            observables.is_some_and(|o| o.energy),
+        ),
+        (
+            "output.observables.wall_margin",
+            observables.is_some_and(|o| o.wall_margin != 0.0),
         ),
     ];
-    refuse(&refused, document)
+    refuse(&refused, document)?;
+    let Some(distance) = observables.and_then(|o| o.pair_distance) else {
+        return Ok(());
+    };
+    let path = "output.observables.pair_distance";
+    let domain = case.domain().filter(|d| d.periodic == [true; 3]);
+    let least = domain.map_or(0.0, |d| d.size.into_iter().fold(f64::INFINITY, f64::min));
+    if distance > 0.5 * least {
+        let message = format!("`{path} = {distance}` is more than half of a periodic box");
+        let help = "at most half the shortest edge of `ambient.domain`";
+        return Err(document.value_error(path, message).with_help(help));
+    }
+    Ok(())
 }
 
 /// Keys that have a meaning for linked fibres alone.
@@ -67,6 +80,10 @@ fn only_linked(case: &Case, document: &Document) -> Checked {
         if matches!(group.placement, Placement::Frames { .. }) {
             return wrong(format!("fibres[{k}].placement.kind"));
         }
+    }
+    let observables = case.output.observables.as_ref();
+    if observables.is_some_and(|o| o.pair_distance.is_some()) {
+        return wrong("output.observables.pair_distance".to_owned());
     }
     let contact = case.contact.as_ref();
     if contact.is_some_and(|c| c.sliding_friction.is_some()) {

@@ -3,10 +3,11 @@
 use super::contacts::{repulsion, shear_rate};
 use super::fibres::fibre;
 use super::population::{PlacementReport, Populate};
-use crate::case::{IntegratorKind, Joints, Placement, Spheroid};
+use crate::case::{Case, Form, IntegratorKind, Joints, Placement, Spheroid};
 use crate::error::ProgramError;
 use fibreflow_fibre::hydrodynamics::SpheroidRatio;
 use fibreflow_fibre::linked::{Joint, LinkedFibre, LinkedScheme, LinkedSettings, LinkedSystem};
+use fibreflow_fibre::{Equilibrium, PeriodicBox};
 use fibreflow_parallel::Communicator;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
@@ -20,7 +21,7 @@ pub fn place(
     communicator: &Communicator,
 ) -> Result<Option<(LinkedSystem, Vec<PlacementReport>)>, ProgramError> {
     let case = populate.case;
-    let Some(ambient) = case.ambient.as_ref().filter(|_| case.linked()) else {
+    let (Some(ambient), Some(settings)) = (&case.ambient, settings(case, populate.periodic)) else {
         return Ok(None);
     };
     let lines = populate.centre_lines()?;
@@ -39,6 +40,21 @@ pub fn place(
         for (j, (nodes, modulus)) in nodes.into_iter().zip(moduli).enumerate() {
             let beam = fibre(fibres.len() as u64, group, &lines[k], nodes, modulus, case);
             let mut linked = LinkedFibre::new(&beam, joint).map_err(ProgramError::input)?;
+            // Joints are numbered by the shape without load, as frames in files are.
+            if matches!(
+                group.placement,
+                Placement::Random {
+                    form: Form::Relaxed,
+                    ..
+                }
+            ) {
+                let segments = linked.frames.len();
+                let mut shape = beam.clone();
+                shape.nodes = lines[k].nodes(2.0 * linked.half_length * segments as f64, segments);
+                shape.equilibrium = Equilibrium::Placed;
+                linked = linked
+                    .with_axes_of(&LinkedFibre::new(&shape, joint).map_err(ProgramError::input)?);
+            }
             if let Some(framed) = &framed {
                 linked.centre = framed[j].centre;
                 linked.frames.clone_from(&framed[j].frames);
@@ -49,10 +65,17 @@ pub fn place(
             fibres.push(linked);
         }
     }
+    let system = LinkedSystem::new(communicator, settings, fibres).map_err(ProgramError::input)?;
+    Ok(Some((system, reports)))
+}
+
+/// Settings of a case with linked fibres, in a prescribed flow; None for other cases.
+pub fn settings(case: &Case, periodic: PeriodicBox) -> Option<LinkedSettings> {
+    let ambient = case.ambient.as_ref().filter(|_| case.linked())?;
     let thickest = case.fibres.iter().map(|g| g.diameter).fold(0.0, f64::max);
     let contact = case.contact.as_ref();
     let friction = contact.map_or(0.0, |c| c.friction);
-    let settings = LinkedSettings {
+    Some(LinkedSettings {
         scheme: match case.mechanics.integrator {
             IntegratorKind::Explicit => LinkedScheme::Explicit,
             IntegratorKind::Auto | IntegratorKind::Implicit => LinkedScheme::Implicit,
@@ -68,9 +91,7 @@ pub fn place(
             contact.and_then(|c| c.sliding_friction).unwrap_or(friction),
         ],
         skin: contact.and_then(|c| c.skin).unwrap_or(thickest),
-        periodic: populate.periodic,
+        periodic,
         shear_rate: shear_rate(case),
-    };
-    let system = LinkedSystem::new(communicator, settings, fibres).map_err(ProgramError::input)?;
-    Ok(Some((system, reports)))
+    })
 }

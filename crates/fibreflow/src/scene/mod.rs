@@ -25,6 +25,7 @@ pub use exact::errors;
 pub use exchange::Exchange;
 pub use fibres::{kinematics, length as length_of};
 pub use flow::{Flow, Solved};
+pub use linked::settings as linked_settings;
 pub use mesh::{SceneMesh, build as build_mesh};
 pub use population::PlacementReport;
 pub use together::{Rounds, Together};
@@ -178,6 +179,11 @@ fn periods(case: &Case, mesh: Option<&SceneMesh>) -> Periods {
         (None, None) => {}
     }
     periods
+}
+
+/// The periodic box of a case without a mesh.
+pub fn prescribed_box(case: &Case) -> PeriodicBox {
+    periodic_box(case, &periods(case, None))
 }
 
 /// Along axes only: a sheared lattice has no box.

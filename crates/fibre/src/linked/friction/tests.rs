@@ -50,6 +50,7 @@ fn cluster() -> (Vec<Chain>, Vec<Segment>, Vec<Touch>) {
         friction: Vector3::zeros(),
         slides: false,
         arms: [vector() * 4.0, vector() * 4.0],
+        shift: Vector3::zeros(),
         image_velocity: vector(),
     };
     let touches = vec![touch(0, 3), touch(1, 2), touch(2, 3)];
