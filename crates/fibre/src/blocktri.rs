@@ -1,21 +1,22 @@
-//! Direct solution of block-tridiagonal systems with 3×3 blocks (Thomas), one a fibre, in O(N).
+//! Direct solution of block-tridiagonal systems with small blocks (Thomas), one a fibre, in O(N).
 
 use crate::Matrix3;
+use nalgebra::SMatrix;
 
 /// One block row; `factor` replaces `diagonal` by the inverse pivot and `upper` by inverse pivot × upper.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct BlockRow {
-    pub lower: Matrix3,
-    pub diagonal: Matrix3,
-    pub upper: Matrix3,
+pub(crate) struct BlockRow<const N: usize = 3> {
+    pub lower: SMatrix<f64, N, N>,
+    pub diagonal: SMatrix<f64, N, N>,
+    pub upper: SMatrix<f64, N, N>,
 }
 
-impl BlockRow {
+impl<const N: usize> BlockRow<N> {
     pub fn zero() -> Self {
         Self {
-            lower: Matrix3::zeros(),
-            diagonal: Matrix3::zeros(),
-            upper: Matrix3::zeros(),
+            lower: SMatrix::zeros(),
+            diagonal: SMatrix::zeros(),
+            upper: SMatrix::zeros(),
         }
     }
 }
@@ -37,7 +38,17 @@ pub(crate) fn inverse(m: &Matrix3) -> Matrix3 {
 /// positive definite. The answer of A x = b is then, from the first row down, y = diagonal (b − lower y_above), and
 /// from the last row up, x = y − upper x_below.
 pub(crate) fn factor<T>(entries: &mut [T], row: impl Fn(&mut T) -> &mut BlockRow) {
-    let mut above = Matrix3::zeros();
+    factor_with(entries, row, inverse);
+}
+
+/// As [`factor`] with any blocks and a way to invert one.
+#[inline(always)]
+pub(crate) fn factor_with<T, const N: usize>(
+    entries: &mut [T],
+    row: impl Fn(&mut T) -> &mut BlockRow<N>,
+    inverse: impl Fn(&SMatrix<f64, N, N>) -> SMatrix<f64, N, N>,
+) {
+    let mut above = SMatrix::zeros();
     for entry in entries {
         let row = row(entry);
         row.diagonal = inverse(&(row.diagonal - row.lower * above));

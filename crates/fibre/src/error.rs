@@ -92,6 +92,17 @@ pub enum FibreError {
         /// Global id.
         fibre: u64,
     },
+    /// A fibre that cannot be a chain of rigid segments.
+    #[error("fibre {fibre} {reason}")]
+    Linked {
+        /// Global id.
+        fibre: u64,
+        /// Why not.
+        reason: &'static str,
+    },
+    /// Linked fibres on more than one rank.
+    #[error("linked fibres run on one rank; threads share the work there")]
+    LinkedRanks,
     /// The equilibrium shape has another number of nodes than the fibre.
     #[error("fibre {fibre} has {nodes} nodes but its equilibrium shape has {equilibrium}")]
     EquilibriumSize {

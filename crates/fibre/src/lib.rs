@@ -7,6 +7,7 @@
 pub mod beam;
 pub mod contact;
 pub mod hydrodynamics;
+pub mod linked;
 pub mod placement;
 
 mod blocktri;

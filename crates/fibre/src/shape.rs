@@ -339,7 +339,7 @@ pub(crate) fn prepare(fibre: &Fibre) -> Result<Prepared, FibreError> {
 }
 
 /// Frames of the segments with the twist of the fibre, none at its first end.
-fn twisted(
+pub(crate) fn twisted(
     fibre: &Fibre,
     frames: Vec<Quaternion>,
     lengths: &[f64],
@@ -388,10 +388,15 @@ fn check_twist_free(fibre: &Fibre, segments: &[Segment]) -> Result<(), FibreErro
 }
 
 /// The rotation about the tangent that brings the second axis of the first segment's frame to the section's.
-fn section_roll(fibre: &Fibre, first: &Quaternion) -> Result<Quaternion, FibreError> {
+pub(crate) fn section_roll(fibre: &Fibre, first: &Quaternion) -> Result<Quaternion, FibreError> {
     if fibre.material.bending_ratio == 1.0 {
         return Ok(Quaternion::identity());
     }
+    roll_to_axis(fibre, first)
+}
+
+/// Turn about the tangent that brings the y axis of a frame into the plane of the section axis.
+pub(crate) fn roll_to_axis(fibre: &Fibre, first: &Quaternion) -> Result<Quaternion, FibreError> {
     let axis = first.inverse() * fibre.section_axis;
     let across = axis.y.hypot(axis.z).partial_cmp(&(1e-6 * axis.norm()));
     if across != Some(std::cmp::Ordering::Greater) {
@@ -425,12 +430,12 @@ fn radii(fibre: &Fibre, lengths: &[f64]) -> Result<Vec<f64>, FibreError> {
     Ok(along.collect())
 }
 
-fn chord_lengths(nodes: &[Vector3]) -> Vec<f64> {
+pub(crate) fn chord_lengths(nodes: &[Vector3]) -> Vec<f64> {
     nodes.windows(2).map(|w| (w[1] - w[0]).norm()).collect()
 }
 
 /// Twist-free frames of the segments: x along the chord, each turned from the one before by the smallest rotation.
-fn segment_frames(
+pub(crate) fn segment_frames(
     fibre: u64,
     nodes: &[Vector3],
     shape: &'static str,

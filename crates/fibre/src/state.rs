@@ -298,28 +298,28 @@ impl FibreSystem {
     }
 }
 
-struct Words(Vec<u64>);
+pub(crate) struct Words(pub Vec<u64>);
 
 impl Words {
-    fn numbers(&mut self, values: &[f64]) {
+    pub fn numbers(&mut self, values: &[f64]) {
         self.0.extend(values.iter().map(|v| v.to_bits()));
     }
 }
 
-struct Reader<'a> {
-    fibre: u64,
-    words: &'a [u64],
+pub(crate) struct Reader<'a> {
+    pub fibre: u64,
+    pub words: &'a [u64],
 }
 
 impl Reader<'_> {
-    fn error(&self, reason: &'static str) -> FibreError {
+    pub fn error(&self, reason: &'static str) -> FibreError {
         FibreError::Record {
             fibre: self.fibre,
             reason,
         }
     }
 
-    fn word(&mut self) -> Result<u64, FibreError> {
+    pub fn word(&mut self) -> Result<u64, FibreError> {
         let (&first, rest) = self
             .words
             .split_first()
@@ -328,7 +328,7 @@ impl Reader<'_> {
         Ok(first)
     }
 
-    fn numbers<const N: usize>(&mut self) -> Result<[f64; N], FibreError> {
+    pub fn numbers<const N: usize>(&mut self) -> Result<[f64; N], FibreError> {
         let mut values = [0.0; N];
         for value in &mut values {
             *value = f64::from_bits(self.word()?);
@@ -336,11 +336,11 @@ impl Reader<'_> {
         Ok(values)
     }
 
-    fn vector(&mut self) -> Result<Vector3, FibreError> {
+    pub fn vector(&mut self) -> Result<Vector3, FibreError> {
         Ok(Vector3::from(self.numbers::<3>()?))
     }
 
-    fn quaternion(&mut self) -> Result<Quaternion, FibreError> {
+    pub fn quaternion(&mut self) -> Result<Quaternion, FibreError> {
         let [i, j, k, w] = self.numbers()?;
         // Not normalised again: the bits matter.
         Ok(Quaternion::new_unchecked(nalgebra::Quaternion::new(

@@ -21,6 +21,12 @@ pub enum Command {
     Check(CheckArguments),
     /// Builds the mesh of a case, reports its quality and writes it as VTK.
     Mesh(MeshArguments),
+    /// Makes something of the results of a run.
+    Post {
+        /// What.
+        #[command(subcommand)]
+        command: PostCommand,
+    },
     /// Says what a file or folder is: case, mesh, checkpoint or run.
     Info {
         /// A `.toml`, `.msh`, `.vtu`, `.vtk` or `.json` file, a run folder, an OpenFOAM case or a checkpoint folder.
@@ -72,4 +78,16 @@ pub struct MeshArguments {
     /// Change a key of the case.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub overrides: Vec<String>,
+}
+
+/// What to make of the results of a run.
+#[derive(Debug, Subcommand)]
+pub enum PostCommand {
+    /// Writes the largest floc of linked fibres of the newest checkpoint, about the origin, as a file for `placement.kind = "frames"`.
+    ExtractFloc {
+        /// Folder of the run.
+        run: PathBuf,
+        /// CSV file to write.
+        out: PathBuf,
+    },
 }

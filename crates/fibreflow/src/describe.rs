@@ -76,6 +76,18 @@ pub fn describe(scene: &Scene, case: &Case) -> Vec<String> {
             "  integrator {way}; critical explicit step {critical:.3e} s"
         ));
     }
+    if let Some(linked) = &scene.linked {
+        lines.push(format!(
+            "  linked: {} rigid segments, {}",
+            linked.segments(),
+            match case.mechanics.integrator {
+                IntegratorKind::Explicit =>
+                    "explicit, friction by groups of contacts (Switzer 2002, 2.9.2)",
+                IntegratorKind::Auto | IntegratorKind::Implicit =>
+                    "implicit, joints and friction solved together",
+            }
+        ));
+    }
     for (k, group) in case.fibres.iter().enumerate() {
         let area = std::f64::consts::PI * group.diameter * group.diameter / 4.0;
         let moment = area * group.diameter * group.diameter / 16.0;
@@ -105,6 +117,9 @@ fn kinematics(case: &Case, group: &FibreGroup, modulus: f64) -> String {
         group.density,
     );
     let length = length_of(group).unwrap_or(0.0);
+    if case.linked() {
+        return linked(case, &material, length);
+    }
     let (kinematics, number) = motion(case, group, &material, length);
     let name = match kinematics {
         Kinematics::Full => "flexible",
@@ -116,6 +131,18 @@ fn kinematics(case: &Case, group: &FibreGroup, modulus: f64) -> String {
         Some(number) => {
             format!("{name} as ζ⊥γ̇L⁴/EI = {number:.3} and {BUCKLING_FLEXIBILITY} buckles it")
         }
+    }
+}
+
+/// S^eff = EI/(μγ̇L⁴), stiffness by the torque of the flow.
+fn linked(case: &Case, material: &Material, length: f64) -> String {
+    let viscosity = case.ambient.as_ref().map_or(0.0, |a| a.viscosity);
+    match case.shear_rate().filter(|_| length > 0.0) {
+        Some(rate) => {
+            let number = material.bending_stiffness() / (viscosity * rate * length.powi(4));
+            format!("linked, S^eff = EI/μγ̇L⁴ = {number:.4}")
+        }
+        None => "linked".to_owned(),
     }
 }
 

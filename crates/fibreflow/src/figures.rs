@@ -110,6 +110,10 @@ impl Figures {
             self.substeps = communicator.max(fibres.substeps() as f64) as usize;
             self.segment_substeps = communicator.sum_count(fibres.segment_substeps());
         }
+        if let Some(linked) = &scene.linked {
+            self.substeps = linked.sub_steps();
+            self.segment_substeps = self.substeps * linked.segments();
+        }
     }
 
     /// Takes over what the fluid reports, if there is one.

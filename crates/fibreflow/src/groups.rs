@@ -73,7 +73,7 @@ fn count(scene: &Scene, group: usize, about: &FibreGroup) -> Option<usize> {
             report.map(|report| report.fibres[0])
         }
         Placement::Line { .. } | Placement::Nodes { .. } => Some(1),
-        Placement::File { .. } => None,
+        Placement::File { .. } | Placement::Frames { .. } => None,
     }
 }
 
@@ -234,7 +234,7 @@ impl FibreScales {
         };
         let segment = segments.map(|n| length / n as f64);
         let number = count.zip(flow.volume).map(|(n, volume)| n as f64 / volume);
-        let stiffness_of_contact = case.contact.as_ref().map(|c| c.stiffness);
+        let stiffness_of_contact = case.contact.as_ref().and_then(|c| c.stiffness);
         let mass = group.density * area * segment.unwrap_or(length);
         Self {
             aspect_ratio: length / diameter,

@@ -17,6 +17,7 @@ mod describe;
 mod forecast;
 mod groups;
 mod info;
+mod post;
 mod program;
 
 pub use program::start;

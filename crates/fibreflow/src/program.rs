@@ -1,8 +1,8 @@
 //! The commands.
 
-use crate::cli::{Cli, Command};
+use crate::cli::{Cli, Command, PostCommand};
 use crate::error::{FAILED, ProgramError, agree, report, stop_all};
-use crate::{check, info, run};
+use crate::{check, info, post, run};
 use clap::Parser;
 use fibreflow_parallel::Communicator;
 use std::process::ExitCode;
@@ -78,6 +78,9 @@ fn dispatch(command: &Command, communicator: &Communicator) -> Result<(), End> {
     match command {
         Command::Check(arguments) => check::check(arguments, communicator).map_err(End::Together),
         Command::Mesh(arguments) => check::mesh(arguments, communicator).map_err(End::Together),
+        Command::Post {
+            command: PostCommand::ExtractFloc { run, out },
+        } => post::extract_floc(run, out, communicator).map_err(End::Together),
         Command::Info { file } => on_root(&|| info::info(file)),
         Command::Run(arguments) => {
             let prepared = run::prepare(arguments, communicator).map_err(End::Together)?;

@@ -11,6 +11,7 @@ use crate::output::log::Log;
 use crate::output::manifest::Manifest;
 use crate::scene::Scene;
 use crate::{describe, summary};
+use fibreflow_fibre::linked::LinkedSystem;
 use fibreflow_fibre::{Ambient, FibreSystem, Points};
 use fibreflow_parallel::Communicator;
 use std::fs::File;
@@ -113,6 +114,9 @@ impl Run {
             }
             let times = &mut totals.timings;
             match &mut scene.fibres {
+                None if scene.linked.is_some() => {
+                    timed(&mut times.fibres, || scene.advance_linked(dt))?;
+                }
                 Some(fibres) if scene.flow.iterates() => {
                     // Forces that fit fibres and flow, then both move.
                     let flow = &mut scene.flow;
@@ -299,7 +303,8 @@ fn resume(
     let arrays = std::mem::take(&mut snapshot.arrays);
     let restored = restore(scene, clock, snapshot);
     agree(&scene.communicator, restored)?;
-    let fibres = scene.fibres.as_ref().map_or(0, FibreSystem::fibres);
+    let linked = scene.linked.as_ref().map_or(0, LinkedSystem::fibres);
+    let fibres = scene.fibres.as_ref().map_or(linked, FibreSystem::fibres);
     scene.fibre_count = scene.communicator.sum_count(fibres);
     if moved {
         let settled = scene.settle();

@@ -164,6 +164,14 @@ pub fn of(
             substeps_mean: mean(totals.substeps),
         }
     });
+    let linked = scene.linked.as_ref().map(|linked| FibreSummary {
+        count: linked.fibres(),
+        segments: linked.segments(),
+        seconds_per_segment_step: each(timings.fibres, linked.segments(), steps),
+        seconds_per_segment_substep: each(timings.fibres, totals.segment_substeps, 1.0),
+        substeps_mean: mean(totals.substeps),
+    });
+    let fibres = fibres.or(linked);
     let transfer = timings.sample + timings.spread;
     let segments = fibres.as_ref().map_or(0, |fibres| fibres.segments);
     let spread = steps > 0.0 && scene.two_way();

@@ -14,7 +14,7 @@ use std::f64::consts::FRAC_PI_2;
 /// Two segments that can touch before the next search.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-pub(super) struct Found {
+pub(crate) struct Found {
     /// Global ids, a < b.
     pub ids: [u64; 2],
     /// Their owners.
@@ -33,7 +33,7 @@ impl Found {
 }
 
 /// What a search found for this rank.
-pub(super) struct Search {
+pub(crate) struct Search {
     /// Pairs with at least one segment of this rank, in ascending order of the ids.
     pub pairs: Vec<Found>,
     /// Pairs that shared a cell on this rank: the work done.
@@ -90,7 +90,7 @@ impl Ball {
 ///
 /// Each rank sends a segment once to every rank that is home to a cell it covers; a pair is found in the one cell
 /// that both agree on and reported to the owners of its two segments.
-pub(super) fn search(
+pub(crate) fn search(
     communicator: &Communicator,
     segments: &Segments<'_>,
     images: &Images,

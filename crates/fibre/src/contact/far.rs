@@ -173,6 +173,16 @@ impl Far {
 }
 
 impl Repulsion {
+    /// Repulsion less attraction at gap `h` within the range, as S 2.7 has it: with a step at the range.
+    pub(crate) fn bare(&self, h: f64) -> f64 {
+        let attraction = if self.attraction > 0.0 {
+            self.attraction * (-(h / self.attraction_width).powi(2)).exp()
+        } else {
+            0.0
+        };
+        self.strength * (-h / self.decay).exp() - attraction
+    }
+
     /// At gap `h`; exponential in overlap (h < 0) too. The stiffness is at least that at touching.
     pub(crate) fn push(&self, h: f64) -> Push {
         if h >= self.range {

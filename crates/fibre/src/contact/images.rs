@@ -4,7 +4,7 @@ use crate::{PeriodicBox, Vector3};
 
 /// The images at an instant.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Images {
+pub(crate) struct Images {
     periodic: PeriodicBox,
     /// Shear rate ∂u_x/∂y \[1/s\]; 0 in a box at rest.
     rate: f64,
@@ -14,7 +14,7 @@ pub(super) struct Images {
 
 /// One of the images of a body: what to subtract from its position and velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Image {
+pub(crate) struct Image {
     pub shift: Vector3,
     pub velocity: Vector3,
 }

@@ -6,24 +6,25 @@
 //! owns one of the two, from identical numbers, so that both apply exactly opposite forces and the result does not
 //! depend on the number of ranks.
 
-mod broad;
+pub(crate) mod broad;
 mod closest;
 mod crossing;
 mod facets;
 mod far;
 mod grid;
-mod images;
+pub(crate) mod images;
 mod law;
 mod linear;
 mod loads;
 mod pairs;
 mod springs;
 mod system;
-mod travel;
+pub(crate) mod travel;
 mod wall;
 
 pub use closest::{ClosestPoints, closest_points, contact_points};
 pub use crossing::crossings;
+pub(crate) use far::Far;
 pub use far::{Lubrication, LubricationModel, Repulsion, VanDerWaals};
 pub use springs::FrictionRecord;
 pub use system::{ContactStatistics, ContactSystem};

@@ -14,7 +14,7 @@ const SHORTER: f64 = 1.0 - 1e-6;
 /// γ̇ y with the y it had at the search does not move, and two that were within `reach` of each other part or meet by
 /// no more than the strain times that.
 #[derive(Default)]
-pub(super) struct Travel {
+pub(crate) struct Travel {
     /// Nodes at the search.
     start: Vec<Vector3>,
     /// Nodes at the last step.
@@ -100,7 +100,7 @@ fn along(strain: f64, start: &Vector3) -> Vector3 {
 }
 
 /// The path for which a pair that is `gap` out of range stays so \[m\].
-pub(super) fn rest(gap: f64) -> f64 {
+pub(crate) fn rest(gap: f64) -> f64 {
     0.5 * SHORTER * gap.max(0.0)
 }
 

@@ -17,7 +17,7 @@ pub enum SpheroidRatio {
 
 /// Resistance functions of K 4.13, Y^C with e³.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Functions {
+pub(crate) struct Functions {
     /// X^A, Y^A: force by slip along and across, by 6πμa.
     pub force: [f64; 2],
     /// X^C, Y^C: torque by spin about and across the axis, by 8πμa³.
@@ -40,7 +40,7 @@ impl SpheroidRatio {
         }
     }
 
-    pub(super) fn functions(self, section: &Section) -> Functions {
+    pub(crate) fn functions(self, section: &Section) -> Functions {
         let ratio = self
             .ratio(section.segment_length / section.diameter)
             .max(1.0);

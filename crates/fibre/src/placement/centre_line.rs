@@ -2,7 +2,7 @@
 
 use super::PlacementError;
 use super::error::check;
-use crate::Vector3;
+use crate::{Quaternion, Vector3};
 use std::f64::consts::{PI, TAU};
 
 /// Form of a fibre's axis, in the fibre's own frame: x along the tangent in the middle, curved forms in the x–y plane,
@@ -23,6 +23,14 @@ pub enum CentreLine {
         /// Advance along x in a turn \[m\].
         pitch: f64,
     },
+    /// Straight segments that bend at every inner node by one angle, and turn about themselves by another between bends
+    /// (S 2.6.1).
+    Chain {
+        /// Angle between neighbouring segments \[rad\].
+        bend: f64,
+        /// Angle between the planes of neighbouring bends \[rad\].
+        turn: f64,
+    },
     /// Any nodes, scaled to the length; the number of segments is theirs.
     Nodes(Vec<Vector3>),
 }
@@ -33,6 +41,16 @@ impl CentreLine {
     pub fn check(&self) -> Result<(), PlacementError> {
         match self {
             Self::Straight => Ok(()),
+            Self::Chain { bend, turn } => {
+                let valid = (0.0..PI).contains(bend);
+                check(valid, "bend of the chain", *bend, "between 0 and π")?;
+                check(
+                    turn.is_finite(),
+                    "turn of the chain",
+                    *turn,
+                    "a number of rad",
+                )
+            }
             Self::Helix { radius, pitch } => {
                 let positive = "a positive length in m";
                 check(*radius > 0.0, "radius of the helix", *radius, positive)?;
@@ -62,6 +80,7 @@ impl CentreLine {
             Self::Straight => chain(length, segments, 0.0),
             Self::U { opening_angle } => chain(length, segments, PI - opening_angle),
             Self::Helix { radius, pitch } => helix(*radius, *pitch, length, segments),
+            Self::Chain { bend, turn } => bends(length, segments, *bend, *turn),
             Self::Nodes(nodes) => {
                 let own: f64 = nodes.windows(2).map(|n| (n[1] - n[0]).norm()).sum();
                 nodes.iter().map(|x| x * (length / own)).collect()
@@ -80,6 +99,21 @@ fn chain(length: f64, segments: usize, turn: f64) -> Vec<Vector3> {
         let angle = turn * ((k as f64 + 0.5) / segments as f64 - 0.5);
         let along = Vector3::new(angle.cos(), angle.sin(), 0.0);
         nodes.push(nodes[k] + along * step);
+    }
+    nodes
+}
+
+/// Each segment's frame is that of the one before, turned about its axis and then bent.
+fn bends(length: f64, segments: usize, bend: f64, turn: f64) -> Vec<Vector3> {
+    let joint = Quaternion::from_axis_angle(&Vector3::x_axis(), turn)
+        * Quaternion::from_axis_angle(&Vector3::z_axis(), bend);
+    // The segment in the middle lies along x.
+    let mut frame = Quaternion::identity();
+    (0..segments / 2).for_each(|_| frame *= joint.inverse());
+    let mut nodes = vec![Vector3::zeros()];
+    for k in 0..segments {
+        nodes.push(nodes[k] + frame * Vector3::x() * (length / segments as f64));
+        frame *= joint;
     }
     nodes
 }

@@ -7,9 +7,10 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Contact {
-    /// Normal stiffness [N/m].
+    /// Normal stiffness [N/m]. Needed, but for linked fibres, which have `repulsion` alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0))]
-    pub stiffness: f64,
+    pub stiffness: Option<f64>,
     /// Tangential by normal stiffness.
     #[serde(default = "tangential_ratio")]
     #[schemars(range(min = 0.0))]
@@ -22,6 +23,10 @@ pub struct Contact {
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub friction: f64,
+    /// Coefficient of friction of what slides, for linked fibres. Default: `friction`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0))]
+    pub sliding_friction: Option<f64>,
     /// Pairs nearer than this beyond touching are kept between searches [m]. Default: the largest diameter.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0))]

@@ -57,6 +57,9 @@ pub struct FibreGroup {
     /// What the fibres can do.
     #[serde(default)]
     pub kinematics: Kinematics,
+    /// Joints of linked fibres.
+    #[serde(default)]
+    pub joints: Joints,
     /// Shape without load.
     #[serde(default)]
     pub shape: Shape,
@@ -129,6 +132,12 @@ pub enum Placement {
         /// there are several, nodes in the order of the lines; or a `.vtp` file, one fibre a line (not as compressed base64 within the tags, pyvista's default).
         file: String,
     },
+    /// Linked fibres with the frames of their segments, which nodes leave open; `length` is that of a fibre.
+    Frames {
+        /// Path of a CSV file, relative to the case file: the columns fibre, a number for each, x, y, z, the middle of a segment [m], and
+        /// q0, q1, q2, q3, the Euler parameters (scalar first) that turn the x axis into the segment's, in the order of the segments.
+        file: String,
+    },
     /// One fibre through given nodes.
     Nodes {
         /// Node positions [m].
@@ -158,6 +167,17 @@ pub enum Shape {
         /// Advance in a turn [m].
         #[schemars(range(min = 0.0))]
         pitch: f64,
+    },
+    /// Straight segments that bend at every inner node by one angle, and turn about themselves by another from bend to bend: an
+    /// arc without turning, else a helix (Switzer 2002, figure 2.8).
+    Chain {
+        /// Angle between neighbouring segments [rad].
+        #[schemars(range(min = 0.0, max = 3.0))]
+        bend: f64,
+        /// Angle between the planes of neighbouring bends [rad].
+        #[serde(default)]
+        #[schemars(range(min = -3.15, max = 3.15))]
+        turn: f64,
     },
     /// Any polyline, scaled to the length of the fibre, with as many nodes as the fibre.
     File {
@@ -190,9 +210,22 @@ pub enum Kinematics {
     TwistFree,
     /// Keeps the shape it is placed in: six unknowns a fibre.
     Rigid,
+    /// Rigid segments with joints, without inertia (Switzer 2002): in a prescribed flow, for all groups of the case or none.
+    Linked,
     /// Rigid where the viscous load of the shear rate is below a tenth of that which buckles the fibre, else without twist where
     /// that can be, else flexible.
     Auto,
+}
+
+/// What the joints of linked fibres let their segments do.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Joints {
+    /// Bend in all directions and twist.
+    #[default]
+    Ball,
+    /// Bend in the plane of tangent and `section_axis` alone, and twist.
+    Pin,
 }
 
 /// Ends that are held in place and direction.

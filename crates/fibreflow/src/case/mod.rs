@@ -15,6 +15,7 @@ mod error;
 mod fibres;
 mod fluid;
 mod force;
+mod linked;
 mod loads;
 mod mechanics;
 mod mesh;
@@ -32,8 +33,8 @@ pub use coupling::{Correction, Coupling, CouplingMode, KernelKind, Scheme};
 pub use document::{Document, Place};
 pub use error::CaseError;
 pub use fibres::{
-    AmbientFlow, Clamp, DragLaw, FibreGroup, Form, Gravity, Hydrodynamics, Kinematics, Placement,
-    PointLoad, Shape, SlenderBody, Spheroid, TorqueLaw,
+    AmbientFlow, Clamp, DragLaw, FibreGroup, Form, Gravity, Hydrodynamics, Joints, Kinematics,
+    Placement, PointLoad, Shape, SlenderBody, Spheroid, TorqueLaw,
 };
 pub use fluid::{
     ChannelProfile, Diffusion, Fluid, Forcing, Inertia, Initial, Kernels, Mass, Poisson,
@@ -116,6 +117,12 @@ impl Case {
                 } => Some((2.0 * std::f64::consts::PI * velocity / wavelength).abs()),
             });
         self.mechanics.shear_rate.or(prescribed)
+    }
+
+    /// Whether the fibres are chains of rigid segments.
+    pub fn linked(&self) -> bool {
+        let linked = |group: &FibreGroup| group.kinematics == Kinematics::Linked;
+        self.fibres.first().is_some_and(linked)
     }
 
     /// The box that holds the fibres, if the case says what it is.

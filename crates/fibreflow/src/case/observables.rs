@@ -28,6 +28,11 @@ pub struct Observables {
     /// Bins of every distribution.
     #[schemars(range(min = 2, max = 1000))]
     pub bins: usize,
+    /// Largest distance in the pair distribution g(r) of the middles of linked fibres [m], at most half an edge of their box.
+    /// Default: no distribution.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub pair_distance: Option<f64>,
     /// Largest curvature times length in the distribution of curvatures.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub curvature_max: f64,
@@ -46,6 +51,7 @@ impl Default for Observables {
             stress: false,
             wall_margin: 0.0,
             bins: 20,
+            pair_distance: None,
             curvature_max: 20.0,
             flow: [1.0, 0.0, 0.0],
             gradient: [0.0, 1.0, 0.0],

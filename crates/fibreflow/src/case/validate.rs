@@ -3,10 +3,10 @@
 use super::{
     Average, Axis, Case, CaseError, Clamp, ContactWall, Correction, CouplingMode, Document,
     DragLaw, Exact, Forcing, Initial, KernelKind, Kinematics, MeshSource, Observables, Placement,
-    Region, SamplePoints, Schedule, Scheme, SlenderBody, Spheroid, TorqueLaw, schema,
+    Quantity, Region, SamplePoints, Schedule, Scheme, SlenderBody, Spheroid, TorqueLaw, schema,
 };
 
-type Checked = Result<(), Box<CaseError>>;
+pub(super) type Checked = Result<(), Box<CaseError>>;
 
 /// Rules that need the case alone.
 pub(super) fn validate(case: &Case, document: &Document) -> Checked {
@@ -30,6 +30,7 @@ pub(super) fn validate(case: &Case, document: &Document) -> Checked {
     check_samples(case, document)?;
     check_observables(case, document)?;
     check_contact(case, document)?;
+    super::linked::check(case, document)?;
     check_coupling(case, document)?;
     check_exact(case, document)
 }
@@ -95,6 +96,10 @@ fn check_contact(case: &Case, document: &Document) -> Checked {
     let Some(contact) = &case.contact else {
         return Ok(());
     };
+    if contact.stiffness.is_none() && !case.linked() {
+        let message = "`contact` lacks `stiffness`: how hard segments press each other apart [N/m]";
+        return Err(document.error("contact", message));
+    }
     let ordered = [
         contact
             .repulsion
@@ -481,6 +486,13 @@ fn check_group(case: &Case, k: usize, document: &Document) -> Checked {
         }
         Placement::Line { start, end } => Some(distance(start, end)),
         Placement::File { .. } => None,
+        Placement::Frames { .. } => {
+            let length = group.length.as_ref().and_then(Quantity::nominal);
+            return match length {
+                Some(_) => Ok(()),
+                None => Err(lacks("length", "frames need the length of a fibre [m]")),
+            };
+        }
         Placement::Nodes { positions } => {
             Some(positions.windows(2).map(|p| distance(&p[0], &p[1])).sum())
         }
@@ -493,7 +505,7 @@ fn check_group(case: &Case, k: usize, document: &Document) -> Checked {
     }
     let nodes = match (&group.placement, group.segments) {
         // The file decides.
-        (Placement::File { .. }, _) => return Ok(()),
+        (Placement::File { .. } | Placement::Frames { .. }, _) => return Ok(()),
         (Placement::Nodes { positions }, None) => positions.len(),
         (Placement::Nodes { positions }, Some(n)) if positions.len() == n + 1 => positions.len(),
         (Placement::Nodes { positions }, Some(n)) => {
@@ -666,7 +678,7 @@ pub fn validate_domain(
                 let corners = region.iter().flat_map(Region::corners);
                 corners.map(|x| ("region".to_owned(), x)).collect()
             }
-            Placement::File { .. } => continue,
+            Placement::File { .. } | Placement::Frames { .. } => continue,
             Placement::Line { start, end } => vec![("start".into(), *start), ("end".into(), *end)],
             Placement::Nodes { positions } => {
                 let named = positions.iter().enumerate();

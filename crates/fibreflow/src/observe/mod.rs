@@ -1,6 +1,7 @@
 //! What watches a run: series, pictures, checkpoints, progress.
 
 mod fibres;
+mod linked;
 mod loads;
 mod progress;
 mod samples;
@@ -22,6 +23,7 @@ use crate::figures::Figures;
 use crate::output::log::Log;
 use crate::scene::Scene;
 use fibres::FibreSeries;
+use linked::StructureSeries;
 use loads::LoadSeries;
 use progress::Progress;
 use samples::SampleOutput;
@@ -67,6 +69,7 @@ pub struct Observers {
     series: AllSeries,
     loads: Option<LoadSeries>,
     fibres: Option<FibreSeries>,
+    structure: Option<StructureSeries>,
     statistics: Option<StatisticsOutput>,
     samples: Option<SampleOutput>,
     turbulence: TurbulenceSeries,
@@ -99,6 +102,7 @@ impl Observers {
             series: AllSeries::open(case, folder, scene, resumed.then_some(clock.step))?,
             loads: LoadSeries::open(case, folder, scene, resumed.then_some(clock.step))?,
             fibres: FibreSeries::open(case, folder, scene, resumed.then_some(clock.step))?,
+            structure: StructureSeries::open(case, folder, scene, resumed.then_some(clock.step))?,
             statistics: StatisticsOutput::open(case, folder, scene, clock, kept)?,
             samples: SampleOutput::open(case, folder, scene, resumed.then_some(clock))?,
             turbulence: TurbulenceSeries::open(case, folder, scene, resumed.then_some(clock.step))?,
@@ -126,6 +130,9 @@ impl Observers {
             self.series.write(scene, clock, &Figures::default())?;
             if let Some(fibres) = &mut self.fibres {
                 fibres.write(scene, clock)?;
+            }
+            if let Some(structure) = &mut self.structure {
+                structure.write(scene, clock)?;
             }
             self.turbulence.write(scene, clock, false)?;
             self.turbulence.write(scene, clock, true)?;
@@ -163,6 +170,9 @@ impl Observers {
         }
         if let Some(fibres) = self.fibres.as_mut().filter(|f| f.is_due(clock)) {
             fibres.write(scene, clock)?;
+        }
+        if let Some(structure) = self.structure.as_mut().filter(|s| s.is_due(clock)) {
+            structure.write(scene, clock)?;
         }
         if let Some(statistics) = self.statistics.as_mut().filter(|s| s.is_due(clock)) {
             statistics.sample(scene, clock)?;
@@ -214,6 +224,10 @@ impl Observers {
         {
             fibres.write(scene, clock)?;
         }
+        let structure = self.structure.as_mut();
+        if let Some(structure) = structure.filter(|s| self.moved && !s.is_due(clock)) {
+            structure.write(scene, clock)?;
+        }
         if self.moved {
             self.turbulence.write(scene, clock, true)?;
         }
@@ -232,6 +246,9 @@ impl Observers {
         self.turbulence.flush()?;
         self.loads.as_mut().map_or(Ok(()), LoadSeries::flush)?;
         self.fibres.as_mut().map_or(Ok(()), FibreSeries::flush)?;
+        self.structure
+            .as_mut()
+            .map_or(Ok(()), StructureSeries::flush)?;
         self.samples.as_mut().map_or(Ok(()), SampleOutput::flush)?;
         self.statistics
             .as_mut()

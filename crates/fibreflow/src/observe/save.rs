@@ -4,7 +4,8 @@ use crate::checkpoint::{CheckpointError, NodeField, PairField, Snapshot};
 use crate::clock::Clock;
 use crate::error::ProgramError;
 use crate::scene::{Flow, Scene};
-use fibreflow_fibre::{FibreRecord, FibreState};
+use fibreflow_fibre::linked::LinkedSystem;
+use fibreflow_fibre::{FibreRecord, FibreState, FibreSystem};
 use fibreflow_fluid::FluidState;
 
 const TIME: &str = "run.time";
@@ -51,8 +52,9 @@ pub fn snapshot(scene: &Scene, clock: &Clock) -> Snapshot {
         snapshot.pair_fields = state.pair.into_iter().map(pair).collect();
         snapshot.scalars.extend(state.scalars);
     }
-    if let Some(fibres) = &scene.fibres {
-        let state = fibres.state();
+    let beams = scene.fibres.as_ref().map(FibreSystem::state);
+    let linked = scene.linked.as_ref().map(LinkedSystem::state);
+    if let Some(state) = beams.or(linked) {
         for record in state.records {
             snapshot.fibres.push(record.id, record.words);
         }
@@ -111,7 +113,7 @@ pub fn restore(
         };
         solved.fluid.restore(state).map_err(ProgramError::input)?;
     }
-    if let Some(fibres) = &mut scene.fibres {
+    if scene.fibres.is_some() || scene.linked.is_some() {
         let record = |(id, words): (u64, &[u64])| FibreRecord {
             id,
             words: words.to_vec(),
@@ -120,7 +122,12 @@ pub fn restore(
             records: snapshot.fibres.iter().map(record).collect(),
             scalars: snapshot.scalars,
         };
-        fibres.restore(state).map_err(ProgramError::input)?;
+        let restored = match (&mut scene.fibres, &mut scene.linked) {
+            (Some(fibres), _) => fibres.restore(state),
+            (None, Some(linked)) => linked.restore(state),
+            (None, None) => Ok(()),
+        };
+        restored.map_err(ProgramError::input)?;
     }
     Ok(())
 }

@@ -8,6 +8,7 @@ use crate::output::series::Series;
 use crate::scene::Scene;
 use fibreflow_fibre::FibreSystem;
 use fibreflow_fibre::contact::ContactSystem;
+use fibreflow_fibre::linked::LinkedSystem;
 use fibreflow_fluid::Fluid;
 use std::path::Path;
 
@@ -44,6 +45,15 @@ const FIBRES: [&str; 16] = [
     "contact_loss",
     "wall_work",
     "crossings",
+];
+const LINKED: [&str; 7] = [
+    "contacts",
+    "contacts_per_fibre",
+    "sliding",
+    "overlaps",
+    "max_overlap",
+    "elastic_energy",
+    "pin_drift",
 ];
 const TRACK: [&str; 9] = [
     "centre_x",
@@ -89,7 +99,10 @@ impl AllSeries {
         }
         Ok(Self {
             fluid: open("fluid.csv", &FLUID, scene.flow.fluid().is_some())?,
-            fibres: open("fibres.csv", &FIBRES, scene.fibres.is_some())?,
+            fibres: match &scene.linked {
+                Some(_) => open("fibres.csv", &LINKED, true)?,
+                None => open("fibres.csv", &FIBRES, scene.fibres.is_some())?,
+            },
             tracks,
         })
     }
@@ -134,6 +147,12 @@ impl AllSeries {
                 let mut values = track_values(fibres, *id);
                 scene.communicator.sum_slice(&mut values);
                 put(series, clock, &values)?;
+            }
+        }
+        if let Some(linked) = &scene.linked {
+            put(&mut self.fibres, clock, &linked_values(linked))?;
+            for (id, series) in &mut self.tracks {
+                put(series, clock, &linked_track(linked, *id))?;
             }
         }
         Ok(())
@@ -206,6 +225,31 @@ fn fibre_values(fibres: &FibreSystem) -> [f64; 9] {
         curvature,
         length,
     ]
+}
+
+fn linked_values(linked: &LinkedSystem) -> [f64; 7] {
+    let figures = linked.statistics();
+    let contacts = figures.contacts as f64;
+    [
+        contacts,
+        // A pair is a contact of both.
+        2.0 * contacts / linked.fibres().max(1) as f64,
+        figures.sliding as f64,
+        figures.overlaps as f64,
+        figures.max_overlap,
+        figures.elastic_energy,
+        figures.pin_drift,
+    ]
+}
+
+fn linked_track(linked: &LinkedSystem, id: u64) -> [f64; 9] {
+    let Some(fibre) = (0..linked.fibres()).find(|f| linked.id(*f) == id) else {
+        return [0.0; 9];
+    };
+    let segments = [0, 1].map(|k| linked.offsets()[fibre + k]);
+    let [start, end] = segments.map(|s| linked.nodes()[s + fibre]);
+    let vectors = [linked.centre(fibre), end, end - start];
+    std::array::from_fn(|k| vectors[k / 3][k % 3])
 }
 
 /// Zeros on ranks that do not own the fibre.

@@ -5,7 +5,7 @@ use crate::scene::{Flow, Scene};
 use fibreflow_fibre::{FibreSystem, Inside, Matrix3, Shear, Vector3};
 use fibreflow_fluid::Fluid;
 
-const COMPONENTS: [(&str, usize, usize); 6] = [
+pub(super) const COMPONENTS: [(&str, usize, usize); 6] = [
     ("xx", 0, 0),
     ("xy", 0, 1),
     ("xz", 0, 2),

@@ -6,6 +6,7 @@ use crate::output::grid::Grid;
 use crate::output::vtk::{Array, Collection, Piece, Topology};
 use crate::scene::Scene;
 use fibreflow_fibre::FibreSystem;
+use fibreflow_fibre::linked::LinkedSystem;
 use fibreflow_fluid::Fluid;
 use fibreflow_mesh::Periods;
 use fibreflow_parallel::Communicator;
@@ -56,8 +57,12 @@ impl VtkOutput {
             };
             set.write(&piece, clock, &mut self.fluid)?;
         }
-        if let Some(fibres) = &scene.fibres {
-            let piece = fibre_piece(fibres, &self.periods);
+        let beams = scene.fibres.as_ref().map(|f| fibre_piece(f, &self.periods));
+        let linked = scene
+            .linked
+            .as_ref()
+            .map(|l| linked_piece(l, &self.periods));
+        if let Some(piece) = beams.or(linked) {
             let set = DataSet {
                 folder: &folder,
                 name: "fibres",
@@ -195,6 +200,38 @@ fn fibre_piece(fibres: &FibreSystem, periods: &Periods) -> Piece {
                 fibres.velocities().iter().map(|v| [v.x, v.y, v.z]),
             ),
             Array::scalar("curvature", curvature),
+        ],
+        cell_data: vec![Array::integer("fibre", ids)],
+    }
+}
+
+/// One polyline a fibre through ends and joints, shifted as a whole so that its middle lies in the first period. Joint forces
+/// act on the segment before the node.
+fn linked_piece(fibres: &LinkedSystem, periods: &Periods) -> Piece {
+    let mut points = Vec::with_capacity(fibres.nodes().len());
+    let (mut radius, mut forces) = (Vec::new(), Vec::new());
+    let (mut offsets, mut ids) = (Vec::new(), Vec::new());
+    for fibre in 0..fibres.fibres() {
+        let segments = fibres.offsets()[fibre]..fibres.offsets()[fibre + 1];
+        let shift = home_shift(fibres.centre(fibre).into(), periods);
+        for x in &fibres.nodes()[segments.start + fibre..=segments.end + fibre] {
+            points.push(std::array::from_fn(|c| x[c] - shift[c]));
+        }
+        radius.resize(points.len(), fibres.radius(fibre));
+        forces.extend(segments.map(|s| <[f64; 3]>::from(fibres.joint_force(s))));
+        forces.push([0.0; 3]);
+        offsets.push(points.len() as i64);
+        ids.push(fibres.id(fibre) as i64);
+    }
+    Piece {
+        topology: Topology::Lines {
+            connectivity: (0..points.len() as i64).collect(),
+            offsets,
+        },
+        points,
+        point_data: vec![
+            Array::scalar("radius", radius),
+            Array::vector("joint_force", forces),
         ],
         cell_data: vec![Array::integer("fibre", ids)],
     }

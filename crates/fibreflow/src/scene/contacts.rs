@@ -17,6 +17,7 @@ pub fn settings(
     periods: &Periods,
 ) -> Option<ContactSettings> {
     let contact = case.contact.as_ref()?;
+    let stiffness = contact.stiffness?;
     let thickest = case.fibres.iter().map(|g| g.diameter).fold(0.0, f64::max);
     let domain = case.domain();
     let walls = match &contact.walls {
@@ -39,11 +40,11 @@ pub fn settings(
         shear_rate: shear_rate(case),
         count_crossings: contact.count_crossings,
         periodic: periodic_box(case, periods),
-        ..ContactSettings::new(contact.stiffness, contact.skin.unwrap_or(thickest))
+        ..ContactSettings::new(stiffness, contact.skin.unwrap_or(thickest))
     })
 }
 
-fn repulsion(given: &case::Repulsion) -> Repulsion {
+pub(super) fn repulsion(given: &case::Repulsion) -> Repulsion {
     Repulsion {
         strength: given.strength,
         decay: given.decay,
@@ -78,7 +79,7 @@ fn lubrication(contact: &Contact, case: &Case) -> Option<Lubrication> {
 }
 
 /// In a prescribed shear flow a box that repeats along y is sheared with the flow.
-fn shear_rate(case: &Case) -> f64 {
+pub(super) fn shear_rate(case: &Case) -> f64 {
     match &case.ambient {
         Some(ambient) => match (&ambient.flow, &ambient.domain) {
             (AmbientFlow::Shear { rate }, Some(domain)) if domain.periodic[1] => *rate,

@@ -45,7 +45,7 @@ pub fn place(
     communicator: &Communicator,
 ) -> Result<Option<PlacedFibres>, ProgramError> {
     let case = populate.case;
-    if case.fibres.is_empty() {
+    if case.fibres.is_empty() || case.linked() {
         return Ok(None);
     }
     let lines = populate.centre_lines()?;
@@ -103,7 +103,7 @@ pub fn kinematics(
     };
     let section = Section::middle(group.diameter, length);
     match (group.kinematics, case.shear_rate()) {
-        (Kinematics::Flexible, _) => (Motion::Full, None),
+        (Kinematics::Flexible | Kinematics::Linked, _) => (Motion::Full, None),
         (Kinematics::TwistFree, _) => (Motion::TwistFree, None),
         (Kinematics::Rigid, _) => (Motion::Rigid, None),
         (Kinematics::Auto, None) => (bends, None),
@@ -134,7 +134,8 @@ fn viscosity(case: &Case) -> f64 {
         .unwrap_or(0.0)
 }
 
-fn fibre(
+/// One fibre of a group through nodes.
+pub(super) fn fibre(
     id: u64,
     group: &FibreGroup,
     line: &CentreLine,
@@ -156,7 +157,7 @@ fn fibre(
         (Shape::Straight, _) => Equilibrium::Straight,
         (Shape::AsPlaced, _) => Equilibrium::Placed,
         (_, Placement::Random { form, .. }) if *form == Form::Relaxed => Equilibrium::Placed,
-        (Shape::U { .. } | Shape::Helix { .. } | Shape::File { .. }, _) => {
+        (Shape::U { .. } | Shape::Helix { .. } | Shape::Chain { .. } | Shape::File { .. }, _) => {
             Equilibrium::Shape(line.nodes(placed_length, last))
         }
     };
@@ -244,7 +245,7 @@ fn integrator(mechanics: &Mechanics) -> Integrator {
 /// Length of the fibres of a group \[m\].
 pub fn length(group: &FibreGroup) -> Option<f64> {
     match &group.placement {
-        Placement::Random { .. } => group.length.as_ref()?.nominal(),
+        Placement::Random { .. } | Placement::Frames { .. } => group.length.as_ref()?.nominal(),
         Placement::File { .. } => None,
         Placement::Line { start, end } => {
             Some((Vector3::from(*end) - Vector3::from(*start)).norm())

@@ -9,8 +9,10 @@ mod expression;
 mod fibres;
 mod flow;
 mod forces;
+mod framed;
 mod inertia;
 mod initial;
+mod linked;
 mod mesh;
 mod pipe;
 mod polyline;
@@ -23,12 +25,14 @@ pub use exact::errors;
 pub use exchange::Exchange;
 pub use fibres::{kinematics, length as length_of};
 pub use flow::{Flow, Solved};
+pub use linked::settings as linked_settings;
 pub use mesh::{SceneMesh, build as build_mesh};
 pub use population::PlacementReport;
 pub use together::{Rounds, Together};
 
 use crate::case::{Case, Document, validate_domain};
 use crate::error::{ProgramError, agree};
+use fibreflow_fibre::linked::LinkedSystem;
 use fibreflow_fibre::{FibreSystem, PeriodicBox, Vector3};
 use fibreflow_mesh::Periods;
 use fibreflow_parallel::Communicator;
@@ -41,8 +45,10 @@ pub struct Scene {
     pub communicator: Communicator,
     /// The fluid that is solved for, or the prescribed flow.
     pub flow: Flow,
-    /// Fibres of this rank; None in a case without fibres.
+    /// Fibres of this rank as beams; None in a case without them.
     pub fibres: Option<FibreSystem>,
+    /// Fibres as chains of rigid segments, in a case that has them in place of beams.
+    pub linked: Option<LinkedSystem>,
     /// Fibres on all ranks.
     pub fibre_count: usize,
     /// Some of them have a strength.
@@ -79,17 +85,22 @@ impl Scene {
             folder,
             periodic: periodic_box(case, &periods),
         };
+        let chained = agree(communicator, linked::place(&populate, communicator))?;
+        let (linked, reports) = chained.map_or((None, None), |(l, r)| (Some(l), Some(r)));
         let placed = agree(
             communicator,
             fibres::place(populate, spacing, contacts, communicator),
         )?;
-        let fibre_count = placed.as_ref().map_or(0, |p| p.count);
+        let chains = linked.as_ref().map_or(0, LinkedSystem::fibres);
+        let fibre_count = placed.as_ref().map_or(chains, |p| p.count);
         let (fibres, placements) =
             placed.map_or((None, Vec::new()), |p| (Some(p.system), p.reports));
+        let placements = reports.unwrap_or(placements);
         let mut scene = Self {
             communicator: communicator.clone(),
             flow,
             fibres,
+            linked,
             fibre_count,
             breakable: case.fibres.iter().any(|group| group.strength.is_some()),
             placements,
@@ -127,6 +138,17 @@ impl Scene {
         Ok(())
     }
 
+    /// A step of the linked fibres in the prescribed flow.
+    ///
+    /// # Errors
+    /// What they report.
+    pub fn advance_linked(&mut self, dt: f64) -> Result<(), ProgramError> {
+        if let (Some(linked), Flow::Prescribed(flow)) = (&mut self.linked, &self.flow) {
+            linked.advance(&|x, _| flow.at(x), dt)?;
+        }
+        Ok(())
+    }
+
     /// The fibres act back on the fluid.
     pub fn two_way(&self) -> bool {
         self.fibres.is_some() && self.flow.exchange().is_some_and(|e| e.two_way)
@@ -157,6 +179,11 @@ fn periods(case: &Case, mesh: Option<&SceneMesh>) -> Periods {
         (None, None) => {}
     }
     periods
+}
+
+/// The periodic box of a case without a mesh.
+pub fn prescribed_box(case: &Case) -> PeriodicBox {
+    periodic_box(case, &periods(case, None))
 }
 
 /// Along axes only: a sheared lattice has no box.

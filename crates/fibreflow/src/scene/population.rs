@@ -1,6 +1,7 @@
 //! Where the fibres of a case are, and the quantities that differ from fibre to fibre.
 
 use super::csv::Csv;
+use super::framed::{self, Framed};
 use super::polyline;
 use crate::case::{
     self, Case, CaseError, Document, FibreGroup, Form, Placement, Shape, Shortfall, Spread,
@@ -108,6 +109,10 @@ impl Populate<'_> {
                 radius: *radius,
                 pitch: *pitch,
             },
+            Shape::Chain { bend, turn } => CentreLine::Chain {
+                bend: *bend,
+                turn: *turn,
+            },
             Shape::File { file } => {
                 let path = format!("{path}.file");
                 match &self.polylines(file, &path)?[..] {
@@ -140,7 +145,22 @@ impl Populate<'_> {
             Placement::File { file } => {
                 self.polylines(file, &format!("fibres[{k}].placement.file"))?
             }
+            Placement::Frames { file } => self
+                .frames(k, file)?
+                .iter()
+                .map(|fibre| fibre.nodes(group))
+                .collect(),
             Placement::Random { .. } => Vec::new(),
+        })
+    }
+
+    /// Linked fibres of a file.
+    pub fn frames(&self, k: usize, file: &str) -> Made<Vec<Framed>> {
+        framed::read(&self.folder.join(file)).map_err(|problem| {
+            let path = format!("fibres[{k}].placement.file");
+            let message = format!("`{path} = \"{file}\"`: {problem}");
+            let error = self.document.value_error(&path, message);
+            error.with_help("a CSV file with the columns fibre,x,y,z,q0,q1,q2,q3")
         })
     }
 

@@ -1,0 +1,301 @@
+//! All contacts of a step together: repulsion at the gap to come, and the exact cone of Coulomb, by Gauss and Seidel over
+//! contacts (nonsmooth contact dynamics, Jean 1999; S 2.72 with inequalities).
+//!
+//! Locally a contact has the directions d₀ = −n, d₁, d₂; with the force Σ f_k d_k on a and its opposite on b, the conjugate
+//! velocities w_k = d_k·Δu are G f + w_free, and w₀ is the rate at which the gap opens. G couples the contacts of a fibre.
+
+use super::touch::across;
+use crate::{Matrix3, Vector3};
+use nalgebra::{Matrix2, Vector2};
+
+/// Relative change of the forces in a sweep at which they are found; the next step starts from them.
+const TOLERANCE: f64 = 1e-4;
+/// The same in the turns within a contact.
+const LOCAL: f64 = 1e-9;
+/// Least answer of a contact to its own repulsion, by the sum of its answers.
+const LEAST: f64 = 1e-9;
+/// Turns of repulsion and friction in a contact that slides.
+const TURNS: usize = 20;
+/// Sweeps after which the forces are taken as they are.
+const MOST: usize = 200;
+
+/// One contact.
+#[derive(Clone, Debug)]
+pub(super) struct Contact {
+    /// Index among the touches.
+    pub touch: usize,
+    /// Segments.
+    pub segments: [u32; 2],
+    /// From the segments' centres to the contact \[m\].
+    pub arms: [Vector3; 2],
+    /// d₀, d₁, d₂.
+    pub directions: Matrix3,
+    /// Gap at the start of the step \[m\].
+    pub gap: f64,
+    /// Velocities without forces \[m/s\].
+    pub free: Vector3,
+    /// Forces \[N\].
+    pub force: Vector3,
+    /// Whether it rubs.
+    pub rubs: bool,
+    /// Exceeded the static limit.
+    pub slides: bool,
+}
+
+impl Contact {
+    /// The plane of contact.
+    pub fn directions(normal: &Vector3) -> Matrix3 {
+        let first = across(normal);
+        Matrix3::from_columns(&[-normal, first, normal.cross(&first)])
+    }
+}
+
+/// Repulsion F exp(−h/λ) and friction.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Law {
+    pub strength: f64,
+    pub decay: f64,
+    /// Static and kinetic coefficient.
+    pub friction: [f64; 2],
+    /// \[s\]
+    pub step: f64,
+}
+
+/// A row of G: where its parts are.
+pub(super) struct Coupling {
+    /// First side of each fibre and, last, their number.
+    pub starts: Vec<usize>,
+    /// Contact of each side.
+    pub contact: Vec<u32>,
+    /// By contact and side: fibre and place among its sides.
+    pub place: Vec<[(u32, u32); 2]>,
+    /// First block of each fibre; block (i, j) of a fibre with m sides is at i m + j.
+    pub block_starts: Vec<usize>,
+    pub blocks: Vec<Matrix3>,
+}
+
+impl Coupling {
+    /// Sum over other contacts, and the contact's own block.
+    fn row(&self, c: usize, contacts: &[Contact]) -> (Vector3, Matrix3) {
+        let (mut moved, mut own) = (Vector3::zeros(), Matrix3::zeros());
+        for (fibre, place) in self.place[c] {
+            let sides = self.starts[fibre as usize]..self.starts[fibre as usize + 1];
+            let first = self.block_starts[fibre as usize] + place as usize * sides.len();
+            for (block, &other) in self.blocks[first..].iter().zip(&self.contact[sides]) {
+                if other as usize == c {
+                    own += block;
+                } else {
+                    moved += block * contacts[other as usize].force;
+                }
+            }
+        }
+        (moved, own)
+    }
+}
+
+/// Sweeps until the forces no longer change; returns how many.
+///
+/// First with the static cone for all. Then what has reached the limit slides with the kinetic coefficient, until no more does.
+pub(super) fn solve(contacts: &mut [Contact], coupling: &Coupling, law: &Law) -> usize {
+    let [at_rest, sliding] = law.friction;
+    let mut sweeps = 0;
+    loop {
+        for _ in 0..MOST {
+            sweeps += 1;
+            let (mut change, mut size) = (0.0, 0.0);
+            for c in 0..contacts.len() {
+                let (moved, own) = coupling.row(c, contacts);
+                let contact = &contacts[c];
+                let limit = match (contact.rubs, contact.slides) {
+                    (false, _) => 0.0,
+                    (true, false) => at_rest,
+                    (true, true) => sliding,
+                };
+                let force = local(contact, &(contact.free + moved), &own, limit, law);
+                change += (force - contact.force).norm_squared();
+                size += force.norm_squared();
+                contacts[c].force = force;
+            }
+            if change <= TOLERANCE * TOLERANCE * size {
+                break;
+            }
+        }
+        if at_rest == sliding {
+            break;
+        }
+        let mut more = false;
+        for c in contacts.iter_mut().filter(|c| c.rubs && !c.slides) {
+            let tangential = c.force.y.hypot(c.force.z);
+            c.slides = tangential >= at_rest * c.force.x * (1.0 - 1e-9);
+            more |= c.slides;
+        }
+        if !more {
+            break;
+        }
+    }
+    if at_rest == sliding {
+        for c in contacts.iter_mut().filter(|c| c.rubs) {
+            let tangential = c.force.y.hypot(c.force.z);
+            c.slides = tangential >= at_rest * c.force.x * (1.0 - 1e-9);
+        }
+    }
+    sweeps
+}
+
+/// Force of one contact whose velocities are `others` + `own` f. Where it sticks, repulsion and friction are found together;
+/// where it slides, in turns.
+fn local(contact: &Contact, others: &Vector3, own: &Matrix3, friction: f64, law: &Law) -> Vector3 {
+    // Two places of one fibre can be all but rigid to each other.
+    let least = LEAST * own.trace();
+    let at_rest = |open: f64, own: f64| {
+        repulsion(
+            contact.gap + law.step * open,
+            law.step * own.max(least),
+            law,
+        )
+    };
+    if friction == 0.0 {
+        return Vector3::new(at_rest(others.x, own[(0, 0)]), 0.0, 0.0);
+    }
+    let plane = own.fixed_view::<2, 2>(1, 1).into_owned();
+    let mixed = Vector2::new(own[(0, 1)], own[(0, 2)]);
+    let slip = Vector2::new(others.y, others.z);
+    if let Some(inverse) = plane.try_inverse() {
+        // Friction that holds: f_t = −G_tt⁻¹(w_t + G_t0 f_0).
+        let (free, answer) = (inverse * slip, inverse * mixed);
+        let open = others.x - mixed.dot(&free);
+        let normal = at_rest(open, own[(0, 0)] - mixed.dot(&answer));
+        let held = -free - answer * normal;
+        if held.norm() <= friction * normal {
+            return Vector3::new(normal, held.x, held.y);
+        }
+    }
+    let mut force = contact.force;
+    for _ in 0..TURNS {
+        let open = others.x + mixed.x * force.y + mixed.y * force.z;
+        let normal = at_rest(open, own[(0, 0)]);
+        let slip = slip + mixed * normal;
+        let held = sliding(&slip, &plane, friction * normal, least);
+        let next = Vector3::new(normal, held.x, held.y);
+        let change = (next - force).norm_squared();
+        force = next;
+        if change <= LOCAL * LOCAL * force.norm_squared() {
+            break;
+        }
+    }
+    force
+}
+
+/// The force of at most `limit` against a velocity `slip` + G f: the point of the disc that the velocity is opposed to.
+fn sliding(slip: &Vector2<f64>, plane: &Matrix2<f64>, limit: f64, least: f64) -> Vector2<f64> {
+    let eigen = plane.symmetric_eigen();
+    let slip = eigen.eigenvectors.tr_mul(slip);
+    // Σ (slip_k/(g_k + s))² = limit² has one root s ≥ 0 where sticking takes more; |velocity| = s · limit.
+    let answers = eigen.eigenvalues.map(|g| g.max(least));
+    let at = |s: f64| Vector2::from_fn(|k, _| -slip[k] / (answers[k] + s));
+    let mut held = at(0.0);
+    let sticks = held.norm() <= limit;
+    if !sticks {
+        let largest = answers.amax();
+        // From the left of the root, where 1/|f| is concave: Newton rises towards it without passing.
+        let mut s = (slip.norm() / limit - largest).max(0.0);
+        for _ in 0..30 {
+            held = at(s);
+            let size = held.norm();
+            let slope: f64 = (0..2).map(|k| held[k] * held[k] / (answers[k] + s)).sum();
+            let more = (size / limit - 1.0) * size * size / slope;
+            s += more;
+            if more.abs() <= 1e-13 * (s + largest) {
+                break;
+            }
+        }
+        held = at(s);
+        held *= limit / held.norm();
+    }
+    eigen.eigenvectors * held
+}
+
+/// y = F exp(−(h + c y)/λ): with z = c y/λ, z + ln z = ln(cF/λ) − h/λ.
+fn repulsion(gap: f64, opening: f64, law: &Law) -> f64 {
+    let a = (opening * law.strength / law.decay).ln() - gap / law.decay;
+    // Above and below one of the two terms leads; Newton on ln z, whose derivative is 1 + z.
+    let mut log = if a < 1.0 { a } else { a.ln() };
+    for _ in 0..20 {
+        let z = log.exp();
+        let more = (a - log - z) / (1.0 + z);
+        log += more;
+        if more.abs() < 1e-14 * (1.0 + log.abs()) {
+            break;
+        }
+    }
+    log.exp() * law.decay / opening
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn law() -> Law {
+        Law {
+            strength: 150.0,
+            decay: 0.05,
+            friction: [0.7; 2],
+            step: 1e-2,
+        }
+    }
+
+    fn contact(gap: f64) -> Contact {
+        Contact {
+            touch: 0,
+            segments: [0, 1],
+            arms: [Vector3::zeros(); 2],
+            directions: Matrix3::identity(),
+            gap,
+            free: Vector3::zeros(),
+            force: Vector3::zeros(),
+            rubs: true,
+            slides: false,
+        }
+    }
+
+    #[test]
+    fn repulsion_is_that_of_the_gap_to_come() {
+        for gap in [-1.0, -0.1, 0.0, 0.3, 0.6_f64] {
+            for opening in [1e-8, 1e-3, 1.0] {
+                let y = repulsion(gap, opening, &law());
+                let expected = 150.0 * (-(gap + opening * y) / 0.05).exp();
+                assert!(
+                    (y / expected - 1.0).abs() < 1e-11,
+                    "{gap} {opening}: {y} {expected}"
+                );
+            }
+        }
+    }
+
+    /// Slides against the velocity that is left, at the limit; or sticks below it.
+    #[test]
+    fn friction_lies_in_the_cone() {
+        let own = Matrix3::new(2.0, 0.3, -0.2, 0.3, 1.5, 0.4, -0.2, 0.4, 0.6);
+        for (speed, sticks) in [(0.2, true), (8.0, false), (300.0, false)] {
+            let others = Vector3::new(-6.0, 0.6 * speed, -0.8 * speed);
+            let mut c = contact(0.05);
+            for _ in 0..300 {
+                c.force = local(&c, &others, &own, 0.7, &law());
+            }
+            let w = others + own * c.force;
+            let normal = 150.0 * (-(0.05 + 1e-2 * w.x) / 0.05).exp();
+            assert!((c.force.x / normal - 1.0).abs() < 1e-9);
+            let (slip, held) = (Vector2::new(w.y, w.z), Vector2::new(c.force.y, c.force.z));
+            let limit = 0.7 * c.force.x;
+            if sticks {
+                assert!(slip.norm() < 1e-9 && held.norm() < limit);
+            } else {
+                assert!((held.norm() / limit - 1.0).abs() < 1e-12);
+                assert!(
+                    (held / limit + slip / slip.norm()).norm() < 1e-7,
+                    "{slip} {held}"
+                );
+            }
+        }
+    }
+}

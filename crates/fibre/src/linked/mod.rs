@@ -1,0 +1,25 @@
+//! Fibres as chains of rigid spherocylinders with joints (Switzer 2002, chapter 2; S in what follows).
+//!
+//! Segments have no inertia. Each one is a prolate spheroid to the flow, joints hold by constraint forces and resist bending
+//! and twist by torques, and contacts repel and rub: friction is a constraint, no sliding in the plane of contact until
+//! Coulomb's limit. [`LinkedSystem`] advances all fibres by scheme A of S 2.9.2: friction by groups of segments that touch,
+//! with the joint forces of the step before, then the joint forces fibre by fibre; or by scheme B, all together and implicit.
+
+mod cone;
+mod fibre;
+mod friction;
+mod groups;
+mod implicit;
+mod joints;
+mod mobility;
+mod observe;
+mod state;
+mod step;
+mod structure;
+mod system;
+mod touch;
+
+pub use fibre::{Joint, LinkedFibre};
+pub use observe::LinkedStatistics;
+pub use system::{LinkedScheme, LinkedSettings, LinkedSystem};
+pub use touch::Touch;

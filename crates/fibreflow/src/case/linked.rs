@@ -1,0 +1,153 @@
+//! Rules for linked fibres.
+
+use super::validate::Checked;
+use super::{Case, Clamp, Document, DragLaw, FibreGroup, Joints, Kinematics, Placement, TorqueLaw};
+
+/// What linked fibres need, and what they do not know.
+pub(super) fn check(case: &Case, document: &Document) -> Checked {
+    let linked = |group: &FibreGroup| group.kinematics == Kinematics::Linked;
+    if !case.fibres.iter().any(linked) {
+        return only_linked(case, document);
+    }
+    if let Some(k) = case.fibres.iter().position(|group| !linked(group)) {
+        let path = format!("fibres[{k}].kinematics");
+        let error = document.error(&path, "linked fibres and beams do not mix");
+        return Err(error.with_help("`kinematics = \"linked\"` in every group, or in none"));
+    }
+    if case.ambient.is_none() {
+        let error = document.error(
+            "fibres[0].kinematics",
+            "linked fibres need a prescribed flow",
+        );
+        return Err(error.with_help("`[ambient]` in place of `[mesh]` and `[fluid]`"));
+    }
+    let laws = &case.hydrodynamics;
+    for (key, fits) in [
+        ("drag", laws.drag == DragLaw::ProlateSpheroid),
+        ("torque", laws.torque == TorqueLaw::ProlateSpheroid),
+    ] {
+        if !fits {
+            let path = format!("hydrodynamics.{key}");
+            let message = format!("`{path}`: the segments of linked fibres are spheroids");
+            let error = document.error(&path, message);
+            return Err(error.with_help(format!("`{path} = \"prolate-spheroid\"`")));
+        }
+    }
+    for (k, group) in case.fibres.iter().enumerate() {
+        check_group(group, k, document)?;
+    }
+    check_contacts(case, document)?;
+    let observables = case.output.observables.as_ref();
+    let refused = [
+        ("hydrodynamics.fluid_inertia", laws.fluid_inertia),
+        ("exact", case.exact.is_some()),
+        (
+            "output.observables.energy",
+            observables.is_some_and(|o| o.energy),
+        ),
+        (
+            "output.observables.wall_margin",
+            observables.is_some_and(|o| o.wall_margin != 0.0),
+        ),
+    ];
+    refuse(&refused, document)?;
+    let Some(distance) = observables.and_then(|o| o.pair_distance) else {
+        return Ok(());
+    };
+    let path = "output.observables.pair_distance";
+    let domain = case.domain().filter(|d| d.periodic == [true; 3]);
+    let least = domain.map_or(0.0, |d| d.size.into_iter().fold(f64::INFINITY, f64::min));
+    if distance > 0.5 * least {
+        let message = format!("`{path} = {distance}` is more than half of a periodic box");
+        let help = "at most half the shortest edge of `ambient.domain`";
+        return Err(document.value_error(path, message).with_help(help));
+    }
+    Ok(())
+}
+
+/// Keys that have a meaning for linked fibres alone.
+fn only_linked(case: &Case, document: &Document) -> Checked {
+    let wrong = |path: String| {
+        let message = format!("`{path}` is for linked fibres");
+        Err(document
+            .error(&path, message)
+            .with_help("`kinematics = \"linked\"`"))
+    };
+    for (k, group) in case.fibres.iter().enumerate() {
+        if group.joints != Joints::Ball {
+            return wrong(format!("fibres[{k}].joints"));
+        }
+        if matches!(group.placement, Placement::Frames { .. }) {
+            return wrong(format!("fibres[{k}].placement.kind"));
+        }
+    }
+    let observables = case.output.observables.as_ref();
+    if observables.is_some_and(|o| o.pair_distance.is_some()) {
+        return wrong("output.observables.pair_distance".to_owned());
+    }
+    let contact = case.contact.as_ref();
+    if contact.is_some_and(|c| c.sliding_friction.is_some()) {
+        return wrong("contact.sliding_friction".to_owned());
+    }
+    Ok(())
+}
+
+fn check_group(group: &FibreGroup, k: usize, document: &Document) -> Checked {
+    let keys = [
+        ("clamp", group.clamp != Clamp::None),
+        ("point_loads", !group.point_loads.is_empty()),
+        ("taper", group.taper != 1.0),
+        ("shear", group.shear),
+        ("retardation", group.retardation != 0.0),
+        ("strength", group.strength.is_some()),
+    ];
+    let named = keys.map(|(key, given)| (format!("fibres[{k}].{key}"), given));
+    let keys: Vec<(&str, bool)> = named
+        .iter()
+        .map(|(key, given)| (key.as_str(), *given))
+        .collect();
+    refuse(&keys, document)
+}
+
+fn check_contacts(case: &Case, document: &Document) -> Checked {
+    let Some(contact) = &case.contact else {
+        return Ok(());
+    };
+    if contact.repulsion.is_none() {
+        let error = document.error(
+            "contact",
+            "`contact` lacks `repulsion`, by which linked fibres keep apart",
+        );
+        return Err(error
+            .with_help("`repulsion = { strength = …, decay = …, range = …, contact_gap = … }`"));
+    }
+    refuse(
+        &[
+            ("contact.stiffness", contact.stiffness.is_some()),
+            ("contact.van_der_waals", contact.van_der_waals.is_some()),
+            ("contact.lubrication", contact.lubrication.is_some()),
+            ("contact.walls", contact.walls.is_some()),
+            ("contact.count_crossings", contact.count_crossings),
+        ],
+        document,
+    )?;
+    let domain = case.domain();
+    if domain.is_some_and(|domain| domain.periodic != [true; 3]) {
+        let path = "ambient.domain.periodic";
+        let message = format!("`{path}`: linked fibres know no walls");
+        return Err(document
+            .error(path, message)
+            .with_help("a box that is periodic in all directions, or none"));
+    }
+    Ok(())
+}
+
+fn refuse(keys: &[(&str, bool)], document: &Document) -> Checked {
+    match keys.iter().find(|(_, given)| *given) {
+        None => Ok(()),
+        Some((path, _)) => {
+            let message = format!("`{path}` does not go with linked fibres");
+            Err(document.error(path, message).with_help("remove it"))
+        }
+    }
+}

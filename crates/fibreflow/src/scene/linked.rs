@@ -1,0 +1,97 @@
+//! The linked fibres of a case, placed.
+
+use super::contacts::{repulsion, shear_rate};
+use super::fibres::fibre;
+use super::population::{PlacementReport, Populate};
+use crate::case::{Case, Form, IntegratorKind, Joints, Placement, Spheroid};
+use crate::error::ProgramError;
+use fibreflow_fibre::hydrodynamics::SpheroidRatio;
+use fibreflow_fibre::linked::{Joint, LinkedFibre, LinkedScheme, LinkedSettings, LinkedSystem};
+use fibreflow_fibre::{Equilibrium, PeriodicBox};
+use fibreflow_parallel::Communicator;
+use nalgebra::Vector3;
+use std::f64::consts::PI;
+
+/// The fibres of a case with linked ones, and what came of the random groups; None for one without.
+///
+/// # Errors
+/// Fibres that do not fit or have impossible constants; more than one rank.
+pub fn place(
+    populate: &Populate<'_>,
+    communicator: &Communicator,
+) -> Result<Option<(LinkedSystem, Vec<PlacementReport>)>, ProgramError> {
+    let case = populate.case;
+    let (Some(ambient), Some(settings)) = (&case.ambient, settings(case, populate.periodic)) else {
+        return Ok(None);
+    };
+    let lines = populate.centre_lines()?;
+    let (nodes, reports) = populate.place(&lines)?;
+    let mut fibres = Vec::new();
+    for (k, (group, nodes)) in case.fibres.iter().zip(nodes).enumerate() {
+        let moduli = populate.moduli(k, nodes.len())?;
+        let framed = match &group.placement {
+            Placement::Frames { file } => Some(populate.frames(k, file)?),
+            _ => None,
+        };
+        let joint = match group.joints {
+            Joints::Ball => Joint::Ball,
+            Joints::Pin => Joint::Pin,
+        };
+        for (j, (nodes, modulus)) in nodes.into_iter().zip(moduli).enumerate() {
+            let beam = fibre(fibres.len() as u64, group, &lines[k], nodes, modulus, case);
+            let mut linked = LinkedFibre::new(&beam, joint).map_err(ProgramError::input)?;
+            // Joints are numbered by the shape without load, as frames in files are.
+            if matches!(
+                group.placement,
+                Placement::Random {
+                    form: Form::Relaxed,
+                    ..
+                }
+            ) {
+                let segments = linked.frames.len();
+                let mut shape = beam.clone();
+                shape.nodes = lines[k].nodes(2.0 * linked.half_length * segments as f64, segments);
+                shape.equilibrium = Equilibrium::Placed;
+                linked = linked
+                    .with_axes_of(&LinkedFibre::new(&shape, joint).map_err(ProgramError::input)?);
+            }
+            if let Some(framed) = &framed {
+                linked.centre = framed[j].centre;
+                linked.frames.clone_from(&framed[j].frames);
+            }
+            let volume = 2.0 * linked.half_length * PI * linked.radius * linked.radius;
+            let gravity = Vector3::from(case.gravity.acceleration);
+            linked.weight = gravity * ((group.density - ambient.density) * volume);
+            fibres.push(linked);
+        }
+    }
+    let system = LinkedSystem::new(communicator, settings, fibres).map_err(ProgramError::input)?;
+    Ok(Some((system, reports)))
+}
+
+/// Settings of a case with linked fibres, in a prescribed flow; None for other cases.
+pub fn settings(case: &Case, periodic: PeriodicBox) -> Option<LinkedSettings> {
+    let ambient = case.ambient.as_ref().filter(|_| case.linked())?;
+    let thickest = case.fibres.iter().map(|g| g.diameter).fold(0.0, f64::max);
+    let contact = case.contact.as_ref();
+    let friction = contact.map_or(0.0, |c| c.friction);
+    Some(LinkedSettings {
+        scheme: match case.mechanics.integrator {
+            IntegratorKind::Explicit => LinkedScheme::Explicit,
+            IntegratorKind::Auto | IntegratorKind::Implicit => LinkedScheme::Implicit,
+        },
+        viscosity: ambient.viscosity,
+        spheroid: match case.hydrodynamics.spheroid {
+            Spheroid::Cox => SpheroidRatio::Cox,
+            Spheroid::Bretherton => SpheroidRatio::Bretherton,
+        },
+        repulsion: contact.and_then(|c| c.repulsion.as_ref()).map(repulsion),
+        friction: [
+            friction,
+            contact.and_then(|c| c.sliding_friction).unwrap_or(friction),
+        ],
+        skin: contact.and_then(|c| c.skin).unwrap_or(thickest),
+        periodic,
+        shear_rate: shear_rate(case),
+    })
+}
