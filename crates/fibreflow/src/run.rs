@@ -112,6 +112,9 @@ impl Run {
                 scene.settle()?;
             }
             let times = &mut totals.timings;
+            // The order parameter in the present flow, then its force on it.
+            let report = timed(&mut times.phase, || scene.flow.advance_phase(dt))?;
+            figures.phase(report);
             match &mut scene.fibres {
                 Some(fibres) if scene.flow.iterates() => {
                     // Forces that fit fibres and flow, then both move.

@@ -19,6 +19,7 @@ mod loads;
 mod mechanics;
 mod mesh;
 mod observables;
+mod phase;
 mod population;
 mod run;
 mod samples;
@@ -44,6 +45,7 @@ pub use loads::{Coefficients, Loads};
 pub use mechanics::{IntegratorKind, Mechanics};
 pub use mesh::{Ambient, BoxElement, Domain, MeshSource, PeriodicPair, Stretching};
 pub use observables::Observables;
+pub use phase::{Phase, Solid};
 pub use population::{Axis, Orbits, Orientation, Quantity, Region, Shortfall, Spread};
 pub use run::{Exact, Output, Schedule, Time};
 pub use samples::{SamplePoints, Samples};
@@ -70,6 +72,9 @@ pub struct Case {
     /// The fluid that is solved for; goes with `[mesh]`. Either this or `[ambient]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fluid: Option<Fluid>,
+    /// A second fluid beside the one of `[fluid]`, with surface tension; needs `[fluid]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub phase: Option<Phase>,
     /// A prescribed analytic flow in place of `[mesh]` and `[fluid]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ambient: Option<Ambient>,

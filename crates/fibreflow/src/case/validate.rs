@@ -392,6 +392,17 @@ fn check_parts(case: &Case, document: &Document) -> Checked {
             "a prescribed flow without `[[fibres]]` has nothing to compute",
         ));
     }
+    if case.phase.is_some() && case.fluid.is_none() {
+        return Err(document.error("phase", "`[phase]` is given without `[fluid]`"));
+    }
+    if case.phase.as_ref().is_some_and(|p| p.decay.is_some()) && case.time.cfl.is_none() {
+        return Err(document
+            .error(
+                "phase.decay",
+                "`phase.decay` limits steps that may change, and `time.step` is constant",
+            )
+            .with_help("give `time.cfl` in place of `time.step`, or remove the key"));
+    }
     Ok(())
 }
 

@@ -50,6 +50,13 @@ pub fn snapshot(scene: &Scene, clock: &Clock) -> Snapshot {
         }
         snapshot.pair_fields = state.pair.into_iter().map(pair).collect();
         snapshot.scalars.extend(state.scalars);
+        if let Some(phase) = scene.flow.phase() {
+            let state = phase.field.state();
+            snapshot
+                .node_fields
+                .extend(state.node.into_iter().map(node));
+            snapshot.scalars.extend(state.scalars);
+        }
     }
     if let Some(fibres) = &scene.fibres {
         let state = fibres.state();
@@ -109,6 +116,10 @@ pub fn restore(
                 .collect(),
             scalars: snapshot.scalars.clone(),
         };
+        if let Some(phase) = &mut solved.phase {
+            let restored = phase.field.restore(&solved.fluid, &state);
+            restored.map_err(ProgramError::input)?;
+        }
         solved.fluid.restore(state).map_err(ProgramError::input)?;
     }
     if let Some(fibres) = &mut scene.fibres {

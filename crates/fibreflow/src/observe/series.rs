@@ -8,7 +8,7 @@ use crate::output::series::Series;
 use crate::scene::Scene;
 use fibreflow_fibre::FibreSystem;
 use fibreflow_fibre::contact::ContactSystem;
-use fibreflow_fluid::Fluid;
+use fibreflow_fluid::{Fluid, PhaseField};
 use std::path::Path;
 
 const FLUID: [&str; 14] = [
@@ -57,15 +57,27 @@ const TRACK: [&str; 9] = [
     "end_to_end_z",
 ];
 
+const PHASE: [&str; 8] = [
+    "order_parameter",
+    "free_energy",
+    "bulk_energy",
+    "solid_energy",
+    "gradient_energy",
+    "dissipation",
+    "lowest",
+    "highest",
+];
+
 /// Series of fluid, fibres and tracked fibres; files on rank 0 only.
 pub struct AllSeries {
     fluid: Option<Series>,
+    phase: Option<Series>,
     fibres: Option<Series>,
     tracks: Vec<(u64, Option<Series>)>,
 }
 
 impl AllSeries {
-    /// Opens `series/fluid.csv`, `series/fibres.csv` and `series/fibre_ID.csv`, as far as the case has them.
+    /// Opens `series/fluid.csv`, `series/phase.csv`, `series/fibres.csv` and `series/fibre_ID.csv`, as far as the case has them.
     ///
     /// # Errors
     /// Files that cannot be written.
@@ -89,6 +101,7 @@ impl AllSeries {
         }
         Ok(Self {
             fluid: open("fluid.csv", &FLUID, scene.flow.fluid().is_some())?,
+            phase: open("phase.csv", &PHASE, scene.flow.phase().is_some())?,
             fibres: open("fibres.csv", &FIBRES, scene.fibres.is_some())?,
             tracks,
         })
@@ -106,6 +119,10 @@ impl AllSeries {
     ) -> Result<(), ProgramError> {
         if let Some(fluid) = scene.flow.fluid() {
             put(&mut self.fluid, clock, &fluid_values(fluid, clock, figures))?;
+            if let Some(phase) = scene.flow.phase() {
+                let values = phase_values(&phase.field, fluid, figures);
+                put(&mut self.phase, clock, &values)?;
+            }
         }
         if let Some(fibres) = &scene.fibres {
             let mut values = fibre_values(fibres);
@@ -145,7 +162,7 @@ impl AllSeries {
     /// Files that cannot be written.
     pub fn flush(&mut self) -> Result<(), ProgramError> {
         let tracks = self.tracks.iter_mut().map(|(_, s)| s);
-        for series in [&mut self.fluid, &mut self.fibres]
+        for series in [&mut self.fluid, &mut self.phase, &mut self.fibres]
             .into_iter()
             .chain(tracks)
             .flatten()
@@ -180,6 +197,25 @@ fn fluid_values(fluid: &Fluid, clock: &Clock, figures: &Figures) -> Vec<f64> {
     values.extend(fluid.driving_force());
     values.extend([figures.outside as f64, figures.momentum_defect]);
     values
+}
+
+/// ∫ψ, free energy, what diffusion takes from it, smallest and largest ψ.
+fn phase_values(field: &PhaseField, fluid: &Fluid, figures: &Figures) -> [f64; PHASE.len()] {
+    let energy = field.energy(fluid);
+    let psi = &field.order_parameter()[..fluid.mesh().owned()];
+    let communicator = fluid.mesh().halo.communicator();
+    let lowest = psi.iter().copied().fold(f64::INFINITY, f64::min);
+    let highest = psi.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    [
+        field.integral(fluid),
+        energy.total(),
+        energy.bulk,
+        energy.solid,
+        energy.gradient,
+        figures.phase.dissipation,
+        communicator.min(lowest),
+        communicator.max(highest),
+    ]
 }
 
 /// Energies, momentum, and the sums of curvature × length and of length for the mean.

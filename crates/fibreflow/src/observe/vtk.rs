@@ -6,7 +6,7 @@ use crate::output::grid::Grid;
 use crate::output::vtk::{Array, Collection, Piece, Topology};
 use crate::scene::Scene;
 use fibreflow_fibre::FibreSystem;
-use fibreflow_fluid::Fluid;
+use fibreflow_fluid::{Fluid, PhaseField};
 use fibreflow_mesh::Periods;
 use fibreflow_parallel::Communicator;
 use std::path::{Path, PathBuf};
@@ -47,7 +47,8 @@ impl VtkOutput {
     pub fn write(&mut self, scene: &Scene, clock: &Clock) -> Result<(), ProgramError> {
         let (folder, communicator) = (self.folder.clone(), &scene.communicator);
         if let (Some(fluid), Some(grid)) = (scene.flow.fluid(), &self.grid) {
-            let piece = fluid_piece(grid, fluid);
+            let phase = scene.flow.phase().map(|phase| &phase.field);
+            let piece = fluid_piece(grid, fluid, phase);
             let set = DataSet {
                 folder: &folder,
                 name: "fluid",
@@ -138,8 +139,9 @@ impl DataSet<'_> {
     }
 }
 
-/// Velocity \[m/s\], pressure \[Pa\], body force \[N/m³\]; eddy viscosity \[m²/s\] where there is a model.
-fn fluid_piece(grid: &Grid, fluid: &Fluid) -> Piece {
+/// Velocity \[m/s\], pressure \[Pa\], body force \[N/m³\]; eddy viscosity \[m²/s\] where there is a model; ψ, φ and the
+/// mechanical pressure \[Pa\] of two fluids.
+fn fluid_piece(grid: &Grid, fluid: &Fluid, phase: Option<&PhaseField>) -> Piece {
     let density = fluid.settings().density;
     let mut pressure = fluid.pressure_everywhere();
     pressure.iter_mut().for_each(|p| *p *= density);
@@ -154,6 +156,17 @@ fn fluid_piece(grid: &Grid, fluid: &Fluid) -> Piece {
         viscosity.resize(fluid.mesh().total(), 0.0);
         fluid.mesh().halo.update(&mut viscosity);
         arrays.push(grid.scalar("eddy_viscosity", &viscosity));
+    }
+    if let Some(field) = phase {
+        let mut mechanical = field.capillary_pressure(fluid);
+        mechanical.resize(fluid.mesh().total(), 0.0);
+        fluid.mesh().halo.update(&mut mechanical);
+        let sums = mechanical.iter_mut().zip(&pressure);
+        sums.for_each(|(sum, p)| *sum += p);
+        let solid: Vec<f64> = field.solid().iter().map(|solid| solid[0]).collect();
+        arrays.push(grid.scalar("order_parameter", field.order_parameter()));
+        arrays.push(grid.scalar("mechanical_pressure", &mechanical));
+        arrays.push(grid.scalar("solid_fraction", &solid));
     }
     grid.piece(arrays)
 }

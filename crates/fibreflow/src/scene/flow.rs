@@ -6,6 +6,7 @@ use super::forces::body_force;
 use super::inertia::{InertiaChoice, bounds};
 use super::initial::velocity_field;
 use super::mesh::SceneMesh;
+use super::phase::Phase;
 use super::pipe::Pipe;
 use super::settings::settings;
 use super::together::Together;
@@ -15,7 +16,7 @@ use crate::figures::Timings;
 use fibreflow_coupling::SpreadReport;
 use fibreflow_fibre::hydrodynamics::AmbientFlow;
 use fibreflow_fibre::{Ambient, FibreSystem, Points};
-use fibreflow_fluid::{BoundaryCondition, Fluid, FluidError, Inertia, StepReport};
+use fibreflow_fluid::{BoundaryCondition, Fluid, FluidError, Inertia, PhaseReport, StepReport};
 use nalgebra::Vector3;
 use std::path::Path;
 
@@ -33,6 +34,8 @@ pub struct Solved {
     pub fluid: Fluid,
     /// What passes between it and the fibres.
     pub exchange: Exchange,
+    /// The second fluid, if there is one.
+    pub phase: Option<Phase>,
     /// Which inertia it has, and why.
     pub inertia: InertiaChoice,
 }
@@ -149,6 +152,36 @@ impl Flow {
         }
     }
 
+    /// The second fluid, if there is one.
+    pub fn phase(&self) -> Option<&Phase> {
+        match self {
+            Self::Solved(solved) => solved.phase.as_ref(),
+            Self::Prescribed(_) => None,
+        }
+    }
+
+    /// One step of the order parameter, whose force then acts on the flow. Collective.
+    ///
+    /// # Errors
+    /// A step that is not solved.
+    pub fn advance_phase(&mut self, dt: f64) -> Result<Option<PhaseReport>, ProgramError> {
+        let Self::Solved(solved) = self else {
+            return Ok(None);
+        };
+        let Solved {
+            fluid,
+            exchange,
+            phase: Some(phase),
+            ..
+        } = &mut **solved
+        else {
+            return Ok(None);
+        };
+        let report = phase.advance(fluid, dt, &mut exchange.forces)?;
+        fluid.body_force_mut().copy_from_slice(&exchange.forces);
+        Ok(Some(report))
+    }
+
     /// One fluid step: convect, diffuse, project; `follow` remembers the change for fibres. Collective.
     ///
     /// # Errors
@@ -197,7 +230,11 @@ impl Flow {
         let longest = time.max_step.unwrap_or(time.end);
         match (self, time.step, time.cfl) {
             (_, Some(step), _) => step,
-            (Self::Solved(solved), None, Some(cfl)) => solved.fluid.suggest_dt(cfl, longest),
+            (Self::Solved(solved), None, Some(cfl)) => {
+                let longest = solved.fluid.suggest_dt(cfl, longest);
+                let phase = solved.phase.as_ref();
+                phase.map_or(longest, |phase| phase.suggest_dt(&solved.fluid, longest))
+            }
             _ => longest,
         }
     }
@@ -278,10 +315,14 @@ fn solved(
     check_step(case, document, &solver)?;
     let forces = body_force(&fluid.forces, document, mesh)?;
     solver.body_force_mut()[..forces.len()].copy_from_slice(&forces);
+    let phase = (case.phase.as_ref())
+        .map(|phase| Phase::new(phase, &solver, &forces))
+        .transpose()?;
     let given = given_velocity(mesh, &solver.settings().boundary);
     let exchange = Exchange::new(case, fluid, inertia.inertia, mesh, given, forces)?;
     Ok(Solved {
         exchange,
+        phase,
         fluid: solver,
         inertia,
     })

@@ -12,6 +12,7 @@ mod forces;
 mod inertia;
 mod initial;
 mod mesh;
+mod phase;
 mod pipe;
 mod polyline;
 mod population;
@@ -24,6 +25,7 @@ pub use exchange::Exchange;
 pub use fibres::{kinematics, length as length_of};
 pub use flow::{Flow, Solved};
 pub use mesh::{SceneMesh, build as build_mesh};
+pub use phase::Phase;
 pub use population::PlacementReport;
 pub use together::{Rounds, Together};
 

@@ -5,13 +5,11 @@
 //! (Cahouet & Chabert 1988): M the dual volumes, L the compact Poisson operator, s the rate of the time step.
 
 use crate::boundary::Boundary;
+use crate::inverse::Inverse;
 use crate::operators::Operators;
-use crate::poisson::DEAREST_DIRECT;
 use crate::rows::{self, nothing};
 use fibreflow_mesh::LocalMesh;
-use fibreflow_solve::{
-    Amg, AmgSettings, CgSettings, ConjugateGradients, Direct, NullSpace, PairMatrix, SolveError,
-};
+use fibreflow_solve::{CgSettings, ConjugateGradients, SolveError};
 
 /// Residual reduction of the inner solves.
 const INNER: CgSettings = CgSettings {
@@ -19,72 +17,6 @@ const INNER: CgSettings = CgSettings {
     absolute_tolerance: 0.0,
     max_iterations: 200,
 };
-
-/// How m V − V L is inverted.
-enum Inverse {
-    Direct(Box<Direct>),
-    Multigrid(Box<Multigrid>),
-}
-
-struct Multigrid {
-    matrix: PairMatrix,
-    cycle: Amg,
-    null_space: NullSpace,
-}
-
-impl Inverse {
-    /// Directly where the mesh allows it, the nodes of given values are whole sides and it takes few operations. Collective.
-    fn new(
-        mesh: &LocalMesh,
-        operators: &Operators,
-        fixed: &[bool],
-        mass: f64,
-        directly: bool,
-    ) -> Result<Self, SolveError> {
-        if let Some(tensor) = operators.geometry.tensor.as_ref().filter(|_| directly)
-            && let Some(ends) = Direct::fixed_ends(&mesh.halo, &tensor.grid, fixed)
-            && Direct::estimate(&tensor.lines, ends) <= DEAREST_DIRECT * mesh.total_nodes as f64
-        {
-            let direct = Direct::new(&mesh.halo, &tensor.grid, &tensor.lines, ends, mass)?;
-            return Ok(Self::Direct(Box::new(direct)));
-        }
-        let shift: Vec<f64> = operators.volumes().iter().map(|v| mass * v).collect();
-        let shift = (mass > 0.0).then_some(&shift[..]);
-        let matrix = PairMatrix::new(mesh, &operators.geometry, fixed, shift)?;
-        let null_space = if matrix.is_singular() {
-            NullSpace::Constant
-        } else {
-            NullSpace::None
-        };
-        Ok(Self::Multigrid(Box::new(Multigrid {
-            cycle: Amg::new(&matrix, AmgSettings::default())?,
-            matrix,
-            null_space,
-        })))
-    }
-
-    /// x = A⁻¹ b, by multigrid to [`INNER`].
-    fn solve(
-        &mut self,
-        krylov: &mut ConjugateGradients<f64>,
-        rhs: &[f64],
-        x: &mut [f64],
-    ) -> Result<(), SolveError> {
-        match self {
-            Self::Direct(direct) => direct.solve(rhs, x),
-            Self::Multigrid(multigrid) => {
-                let Multigrid {
-                    matrix,
-                    cycle,
-                    null_space,
-                } = &mut **multigrid;
-                x.fill(0.0);
-                krylov.solve(matrix, cycle, rhs, x, &INNER, *null_space)?;
-            }
-        }
-        Ok(())
-    }
-}
 
 pub(super) struct BlockPreconditioner {
     /// Nodes whose velocity component is fixed, total, and which of `viscous` solves each component.
@@ -182,7 +114,7 @@ impl BlockPreconditioner {
         for c in 0..3 {
             rows::each(&mut self.rhs, |i, rhs| *rhs = r[i][c] / viscosity);
             let inverse = &mut self.viscous[self.solver[c]];
-            inverse.solve(&mut self.krylov, &self.rhs, &mut self.answer)?;
+            inverse.solve(&mut self.krylov, &self.rhs, &mut self.answer, &INNER)?;
             let answer = &self.answer;
             rows::each(&mut z[..r.len()], |i, z| z[c] = answer[i]);
         }
@@ -202,7 +134,7 @@ impl BlockPreconditioner {
         if rate > 0.0
             && let Some(inverse) = &mut self.poisson
         {
-            inverse.solve(&mut self.krylov, &self.rhs, &mut self.answer)?;
+            inverse.solve(&mut self.krylov, &self.rhs, &mut self.answer, &INNER)?;
             let answer = &self.answer;
             rows::each(&mut z[..r.len()], |i, z| z[3] += rate * answer[i]);
         }
