@@ -16,6 +16,7 @@ mod locate;
 mod probes;
 mod rendezvous;
 mod response;
+pub mod smooth_profile;
 mod spread;
 
 pub use anderson::Anderson;
