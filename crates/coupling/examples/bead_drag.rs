@@ -51,7 +51,7 @@ fn main() {
                     };
                     let parts = nodes.parts(&[centre]);
                     fluid
-                        .set_bodies(ratio * width, parts, vec![motion])
+                        .set_bodies(ratio * width, parts, vec![motion], Vec::new())
                         .expect("bodies");
                     iterations = fluid.advance(1.0).expect("step").poisson_iterations;
                     drags.push(-fluid.body_states()[0].force[0] / exact);

@@ -3,6 +3,7 @@
 mod adjacency;
 mod anderson;
 mod balance;
+mod beads;
 mod boxes;
 mod closest;
 mod coupling;
@@ -21,6 +22,7 @@ mod spread;
 
 pub use anderson::Anderson;
 pub use balance::FibreLoad;
+pub use beads::{Bead, BeadSettings, Beads, Chain, RECORD};
 pub use coupling::Coupling;
 pub use disturbance::{PlaneWall, Undisturbed, Wake};
 pub use error::CouplingError;

@@ -45,6 +45,17 @@ pub fn describe(scene: &Scene, case: &Case) -> Vec<String> {
             settings.interface_width.powi(2) / settings.diffusivity
         ));
     }
+    if let Some(beads) = scene.flow.beads() {
+        let settings = beads.settings();
+        lines.push(format!(
+            "beads: {} in {} rows, r_b = {:.4e} m, ξ = {:.4e} m, rigid over ℓ = {:.4e} m, beams implicit",
+            beads.beads().len(),
+            beads.offsets().len() - 1,
+            settings.profile.radius,
+            settings.profile.width,
+            settings.screening
+        ));
+    }
     if case.ambient.is_some() {
         lines.push("flow: prescribed, nothing is solved for".to_owned());
     }

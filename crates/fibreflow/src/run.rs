@@ -241,6 +241,7 @@ fn clear(folder: &Path, resume: bool, communicator: &Communicator) -> Result<(),
             for name in [
                 "fluid",
                 "fibres",
+                "beads",
                 "series",
                 "profiles",
                 "samples",
@@ -249,12 +250,12 @@ fn clear(folder: &Path, resume: bool, communicator: &Communicator) -> Result<(),
             ] {
                 let _ = std::fs::remove_dir_all(folder.join(name));
             }
-            for name in ["fluid.pvd", "fibres.pvd"] {
+            for name in ["fluid.pvd", "fibres.pvd", "beads.pvd"] {
                 let _ = std::fs::remove_file(folder.join(name));
             }
         }
     }
-    for name in ["fluid", "fibres", "series", "checkpoint"] {
+    for name in ["fluid", "fibres", "beads", "series", "checkpoint"] {
         let path = folder.join(name);
         std::fs::create_dir_all(&path).map_err(|e| ProgramError::output(&path, &e))?;
     }

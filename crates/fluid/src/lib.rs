@@ -29,7 +29,7 @@ mod sub_steps;
 mod turbulence;
 
 pub use boundary::{BoundaryCondition, Signal, TimeTable, VelocityProfile};
-pub use creeping::{BodyMotion, BodyPart, BodyState, CreepingStep};
+pub use creeping::{BodyLink, BodyMotion, BodyPart, BodyState, CreepingStep};
 pub use diffusion::DiffusionChoice;
 pub use eddy::{EddyModel, EddyViscosity};
 pub use error::FluidError;

@@ -7,6 +7,7 @@
 // Units stand in plain brackets here: users read these comments as descriptions of the schema.
 #![allow(rustdoc::broken_intra_doc_links)]
 
+mod beads;
 mod boundary;
 mod contact;
 mod coupling;
@@ -27,6 +28,7 @@ mod schema;
 mod statistics;
 mod validate;
 
+pub use beads::{BeadChain, Beads};
 pub use boundary::{Boundary, Factor, Profile};
 pub use contact::{Contact, ContactWall, Lubrication, LubricationModel, Repulsion, VanDerWaals};
 pub use coupling::{Correction, Coupling, CouplingMode, KernelKind, Scheme};
@@ -75,6 +77,9 @@ pub struct Case {
     /// A second fluid beside the one of `[fluid]`, with surface tension; needs `[fluid]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub phase: Option<Phase>,
+    /// Rigid beads in creeping flow, alone or joined to fibres; needs `[fluid]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub beads: Option<Beads>,
     /// A prescribed analytic flow in place of `[mesh]` and `[fluid]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ambient: Option<Ambient>,

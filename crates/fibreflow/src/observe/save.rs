@@ -9,6 +9,8 @@ use fibreflow_fluid::FluidState;
 
 const TIME: &str = "run.time";
 const DT: &str = "run.dt";
+/// Records of the beads, and number by number.
+const BEADS: &str = "beads";
 /// ∂u/∂t of the last step, for fibres in the flow of the next.
 const SLOPE: &str = "coupling.slope";
 /// Upper and lower half of the checksum of the mesh; numbers of 32 bits are exact in a float.
@@ -56,6 +58,11 @@ pub fn snapshot(scene: &Scene, clock: &Clock) -> Snapshot {
                 .node_fields
                 .extend(state.node.into_iter().map(node));
             snapshot.scalars.extend(state.scalars);
+        }
+        if let Some(beads) = scene.flow.beads() {
+            let named = beads.state().into_iter().enumerate();
+            let named = named.map(|(k, value)| (format!("{BEADS}.{k}"), value));
+            snapshot.scalars.extend(named);
         }
     }
     if let Some(fibres) = &scene.fibres {
@@ -121,6 +128,11 @@ pub fn restore(
             restored.map_err(ProgramError::input)?;
         }
         solved.fluid.restore(state).map_err(ProgramError::input)?;
+        if let Some(beads) = &mut solved.beads {
+            let numbers = (0..).map_while(|k| scalar(&format!("{BEADS}.{k}")));
+            beads.restore(&numbers.collect::<Vec<f64>>());
+        }
+        solved.place_beads();
     }
     if let Some(fibres) = &mut scene.fibres {
         let record = |(id, words): (u64, &[u64])| FibreRecord {

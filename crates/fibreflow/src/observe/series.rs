@@ -6,6 +6,7 @@ use crate::error::ProgramError;
 use crate::figures::Figures;
 use crate::output::series::Series;
 use crate::scene::Scene;
+use fibreflow_coupling::Beads;
 use fibreflow_fibre::FibreSystem;
 use fibreflow_fibre::contact::ContactSystem;
 use fibreflow_fluid::{Fluid, PhaseField};
@@ -72,12 +73,13 @@ const PHASE: [&str; 8] = [
 pub struct AllSeries {
     fluid: Option<Series>,
     phase: Option<Series>,
+    beads: Option<Series>,
     fibres: Option<Series>,
     tracks: Vec<(u64, Option<Series>)>,
 }
 
 impl AllSeries {
-    /// Opens `series/fluid.csv`, `series/phase.csv`, `series/fibres.csv` and `series/fibre_ID.csv`, as far as the case has them.
+    /// Opens `series/fluid.csv`, `series/phase.csv`, `series/beads.csv`, `series/fibres.csv` and `series/fibre_ID.csv`, as far as the case has them.
     ///
     /// # Errors
     /// Files that cannot be written.
@@ -99,9 +101,13 @@ impl AllSeries {
         for &id in &case.output.track {
             tracks.push((id, open(&format!("fibre_{id}.csv"), &TRACK, true)?));
         }
+        let count = scene.flow.beads().map_or(0, |beads| beads.beads().len());
+        let names = bead_columns(count);
+        let columns: Vec<&str> = names.iter().map(String::as_str).collect();
         Ok(Self {
             fluid: open("fluid.csv", &FLUID, scene.flow.fluid().is_some())?,
             phase: open("phase.csv", &PHASE, scene.flow.phase().is_some())?,
+            beads: open("beads.csv", &columns, scene.flow.beads().is_some())?,
             fibres: open("fibres.csv", &FIBRES, scene.fibres.is_some())?,
             tracks,
         })
@@ -122,6 +128,9 @@ impl AllSeries {
             if let Some(phase) = scene.flow.phase() {
                 let values = phase_values(&phase.field, fluid, figures);
                 put(&mut self.phase, clock, &values)?;
+            }
+            if let Some(beads) = scene.flow.beads() {
+                put(&mut self.beads, clock, &bead_values(beads))?;
             }
         }
         if let Some(fibres) = &scene.fibres {
@@ -162,10 +171,15 @@ impl AllSeries {
     /// Files that cannot be written.
     pub fn flush(&mut self) -> Result<(), ProgramError> {
         let tracks = self.tracks.iter_mut().map(|(_, s)| s);
-        for series in [&mut self.fluid, &mut self.phase, &mut self.fibres]
-            .into_iter()
-            .chain(tracks)
-            .flatten()
+        for series in [
+            &mut self.fluid,
+            &mut self.phase,
+            &mut self.beads,
+            &mut self.fibres,
+        ]
+        .into_iter()
+        .chain(tracks)
+        .flatten()
         {
             series
                 .flush()
@@ -216,6 +230,27 @@ fn phase_values(field: &PhaseField, fluid: &Fluid, figures: &Figures) -> [f64; P
         communicator.min(lowest),
         communicator.max(highest),
     ]
+}
+
+/// Of the beams, and of every bead its place, velocity, spin and the force of the fluids on it.
+fn bead_columns(count: usize) -> Vec<String> {
+    const BEAD: [&str; 12] = [
+        "x", "y", "z", "u", "v", "w", "spin_x", "spin_y", "spin_z", "force_x", "force_y", "force_z",
+    ];
+    let of = |k: usize| BEAD.iter().map(move |name| format!("bead_{k}_{name}"));
+    let mut columns = vec!["elastic_energy".to_owned()];
+    columns.extend((0..count).flat_map(of));
+    columns
+}
+
+fn bead_values(beads: &Beads) -> Vec<f64> {
+    let mut values = vec![beads.elastic_energy()];
+    for bead in beads.beads() {
+        for vector in [bead.position, bead.velocity, bead.spin, bead.force] {
+            values.extend(vector.iter());
+        }
+    }
+    values
 }
 
 /// Energies, momentum, and the sums of curvature × length and of length for the mean.

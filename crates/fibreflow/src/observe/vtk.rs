@@ -5,19 +5,21 @@ use crate::error::{ProgramError, agree};
 use crate::output::grid::Grid;
 use crate::output::vtk::{Array, Collection, Piece, Topology};
 use crate::scene::Scene;
+use fibreflow_coupling::Beads;
 use fibreflow_fibre::FibreSystem;
 use fibreflow_fluid::{Fluid, PhaseField};
 use fibreflow_mesh::Periods;
 use fibreflow_parallel::Communicator;
 use std::path::{Path, PathBuf};
 
-/// Writer of `fluid/…`, `fluid.pvd`, `fibres/…`, `fibres.pvd`.
+/// Writer of `fluid/…`, `fluid.pvd`, `fibres/…`, `fibres.pvd`, `beads/…`, `beads.pvd`.
 pub struct VtkOutput {
     folder: PathBuf,
     grid: Option<Grid>,
     periods: Periods,
     fluid: Collection,
     fibres: Collection,
+    beads: Collection,
 }
 
 impl VtkOutput {
@@ -37,6 +39,7 @@ impl VtkOutput {
             periods: scene.periods,
             fluid: collection("fluid.pvd"),
             fibres: collection("fibres.pvd"),
+            beads: collection("beads.pvd"),
         })
     }
 
@@ -66,6 +69,16 @@ impl VtkOutput {
                 communicator,
             };
             set.write(&piece, clock, &mut self.fibres)?;
+        }
+        if let Some(beads) = scene.flow.beads() {
+            let piece = bead_piece(beads, communicator.is_root());
+            let set = DataSet {
+                folder: &folder,
+                name: "beads",
+                extension: "vtp",
+                communicator,
+            };
+            set.write(&piece, clock, &mut self.beads)?;
         }
         Ok(())
     }
@@ -210,6 +223,28 @@ fn fibre_piece(fibres: &FibreSystem, periods: &Periods) -> Piece {
             Array::scalar("curvature", curvature),
         ],
         cell_data: vec![Array::integer("fibre", ids)],
+    }
+}
+
+/// One polyline a chain, on the first rank.
+fn bead_piece(beads: &Beads, here: bool) -> Piece {
+    let shown = if here { beads.beads() } else { &[] };
+    let offsets = beads.offsets().iter().skip(1).filter(|_| here);
+    let radius = beads.settings().profile.radius;
+    let count = offsets.clone().count() as i64;
+    Piece {
+        points: shown.iter().map(|b| b.position.into()).collect(),
+        topology: Topology::Lines {
+            connectivity: (0..shown.len() as i64).collect(),
+            offsets: offsets.map(|&o| o as i64).collect(),
+        },
+        point_data: vec![
+            Array::scalar("radius", vec![radius; shown.len()]),
+            Array::vector("velocity", shown.iter().map(|b| b.velocity.into())),
+            Array::vector("spin", shown.iter().map(|b| b.spin.into())),
+            Array::vector("force", shown.iter().map(|b| b.force.into())),
+        ],
+        cell_data: vec![Array::integer("chain", (0..count).collect())],
     }
 }
 

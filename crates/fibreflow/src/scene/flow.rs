@@ -1,5 +1,6 @@
 //! The flow around the fibres: solved for on a mesh, or prescribed.
 
+use super::beads::beads;
 use super::boundary::Boundaries;
 use super::exchange::Exchange;
 use super::forces::body_force;
@@ -13,7 +14,7 @@ use super::together::Together;
 use crate::case::{self, Case, Document};
 use crate::error::{ProgramError, agree};
 use crate::figures::Timings;
-use fibreflow_coupling::SpreadReport;
+use fibreflow_coupling::{Beads, SpreadReport};
 use fibreflow_fibre::hydrodynamics::AmbientFlow;
 use fibreflow_fibre::{Ambient, FibreSystem, Points};
 use fibreflow_fluid::{BoundaryCondition, Fluid, FluidError, Inertia, PhaseReport, StepReport};
@@ -36,6 +37,8 @@ pub struct Solved {
     pub exchange: Exchange,
     /// The second fluid, if there is one.
     pub phase: Option<Phase>,
+    /// Beads, if there are any.
+    pub beads: Option<Beads>,
     /// Which inertia it has, and why.
     pub inertia: InertiaChoice,
 }
@@ -160,6 +163,14 @@ impl Flow {
         }
     }
 
+    /// Beads, if there are any.
+    pub fn beads(&self) -> Option<&Beads> {
+        match self {
+            Self::Solved(solved) => solved.beads.as_ref(),
+            Self::Prescribed(_) => None,
+        }
+    }
+
     /// One step of the order parameter, whose force then acts on the flow. Collective.
     ///
     /// # Errors
@@ -190,6 +201,9 @@ impl Flow {
         let Self::Solved(solved) = self else {
             return Ok(None);
         };
+        if solved.beads.is_some() {
+            return solved.advance_beads(dt).map(Some);
+        }
         let Solved {
             fluid, exchange, ..
         } = &mut **solved;
@@ -260,6 +274,30 @@ impl Flow {
     }
 }
 
+impl Solved {
+    /// One step of the flow with the beads in it, which then move. Collective.
+    fn advance_beads(&mut self, dt: f64) -> Result<StepReport, ProgramError> {
+        let fluid = &mut self.fluid;
+        if let Some(beads) = &mut self.beads {
+            beads.hold(fluid, dt)?;
+        }
+        let report = fluid.advance(dt)?;
+        if let Some(beads) = &mut self.beads {
+            beads.follow(fluid, dt);
+        }
+        self.place_beads();
+        Ok(report)
+    }
+
+    /// Profiles of the beads where they are. Collective.
+    pub fn place_beads(&mut self) {
+        if let Some(beads) = &mut self.beads {
+            let field = self.phase.as_mut().map(|phase| &mut phase.field);
+            beads.place(&self.fluid, field);
+        }
+    }
+}
+
 fn prescribed(flow: &case::AmbientFlow) -> AmbientFlow {
     match *flow {
         case::AmbientFlow::Quiescent => AmbientFlow::Quiescent,
@@ -320,12 +358,18 @@ fn solved(
         .transpose()?;
     let given = given_velocity(mesh, &solver.settings().boundary);
     let exchange = Exchange::new(case, fluid, inertia.inertia, mesh, given, forces)?;
-    Ok(Solved {
+    let beads = (case.beads.as_ref())
+        .map(|given| beads(given, case.phase.as_ref(), &solver))
+        .transpose()?;
+    let mut solved = Solved {
         exchange,
         phase,
+        beads,
         fluid: solver,
         inertia,
-    })
+    };
+    solved.place_beads();
+    Ok(solved)
 }
 
 /// A constant step that explicit diffusion cannot bear blows up at once.

@@ -1,5 +1,6 @@
 //! What a case describes, ready to be advanced: flow, fibres, coupling.
 
+mod beads;
 mod boundary;
 mod contacts;
 mod csv;

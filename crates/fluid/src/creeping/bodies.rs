@@ -8,11 +8,11 @@
 //!
 //! where P_k u = V_k + Ω_k × (x − x_k) is the rigid motion nearest to u with these weights. κ s (1 − P_k) is symmetric and not negative, and
 //! exchanges neither force nor torque with the flow: a free body moves with V_k, Ω_k. A force and torque on it enter as s_i (a + α × (x_i − x_k)),
-//! the transpose of P_k. Of a body of given motion the whole of κ s (u − V − Ω × …) stays, and is the force that moves it.
+//! the transpose of P_k; links make them depend on the motions themselves, as beams do over an implicit step. Of a body of given motion the whole of κ s (u − V − Ω × …) stays, and is the force that moves it.
 
 use crate::{Fluid, FluidError};
 use fibreflow_parallel::Communicator;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 /// How a body moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,6 +57,16 @@ pub struct BodyPart {
     pub arms: Vec<[f64; 3]>,
 }
 
+/// A force that grows with the motion of two bodies: over a step of Δt a beam of stiffness K between them resists with Δt K.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BodyLink {
+    /// Which two.
+    pub bodies: [usize; 2],
+    /// Minus the force and torque on the first and on the second body, by the velocity and spin of the first and of the second
+    /// \[N·s/m, N·s, N·m·s\].
+    pub resistance: SMatrix<f64, 12, 12>,
+}
+
 /// What a body is over all ranks.
 struct Moments {
     /// Σ s \[m³\].
@@ -67,9 +77,14 @@ struct Moments {
     inverse: Matrix3<f64>,
 }
 
+/// Velocity and spin, or force and torque.
+type Motion = SVector<f64, 6>;
+
 pub(super) struct Bodies {
     /// κ \[1/s\].
     resistance: f64,
+    density: f64,
+    links: Vec<BodyLink>,
     parts: Vec<BodyPart>,
     motions: Vec<BodyMotion>,
     moments: Vec<Moments>,
@@ -80,9 +95,10 @@ pub(super) struct Bodies {
 impl Bodies {
     /// Collective; every rank names the same bodies in the same order.
     fn new(
-        resistance: f64,
+        [resistance, density]: [f64; 2],
         mut parts: Vec<BodyPart>,
         motions: Vec<BodyMotion>,
+        links: Vec<BodyLink>,
         volumes: &[f64],
         communicator: &Communicator,
     ) -> Self {
@@ -106,6 +122,8 @@ impl Bodies {
         }
         Self {
             resistance,
+            density,
+            links,
             sums: vec![0.0; 6 * parts.len()],
             parts,
             motions,
@@ -113,12 +131,24 @@ impl Bodies {
         }
     }
 
-    /// Adds κ s (u − P u) of free bodies and κ s u of those of given motion. Collective.
+    /// Adds what the bodies resist the flow with: κ s (u − P u) of free ones and κ s u of those of given motion, and links. Collective.
     pub fn resist(&mut self, u: &[[f64; 4]], out: &mut [[f64; 4]], communicator: &Communicator) {
         self.project(u, communicator);
-        for (k, part) in self.parts.iter().enumerate() {
+        let moving = |k: usize| match self.motions[k] {
+            BodyMotion::Free { .. } => self.motion(k),
+            BodyMotion::Given { .. } => Motion::zeros(),
+        };
+        let motions: Vec<Motion> = (0..self.parts.len()).map(moving).collect();
+        let mut loads = vec![Motion::zeros(); motions.len()];
+        self.add_links(&motions, &mut loads);
+        for (k, (part, load)) in self.parts.iter().zip(&loads).enumerate() {
             let (velocity, spin) = match self.motions[k] {
-                BodyMotion::Free { .. } => self.mean(k),
+                BodyMotion::Free { .. } => {
+                    let (velocity, spin) = self.mean(k);
+                    let (linear, angular) = self.moments[k].accelerations(load, self.density);
+                    let rate = self.resistance;
+                    (velocity + linear / rate, spin + angular / rate)
+                }
                 BodyMotion::Given { .. } => (Vector3::zeros(), Vector3::zeros()),
             };
             for ((&i, share), arm) in part.nodes.iter().zip(&part.profile).zip(&part.arms) {
@@ -131,13 +161,16 @@ impl Bodies {
     }
 
     /// Adds what moves the bodies, by density, to the right-hand side \[m⁴/s²\].
-    pub fn push(&self, density: f64, source: &mut [[f64; 4]]) {
-        for ((part, motion), moments) in self.parts.iter().zip(&self.motions).zip(&self.moments) {
-            let (linear, angular) = match *motion {
+    pub fn push(&self, source: &mut [[f64; 4]]) {
+        let mut loads = vec![Motion::zeros(); self.parts.len()];
+        let given: Vec<Motion> = self.motions.iter().map(BodyMotion::given).collect();
+        self.add_links(&given, &mut loads);
+        for (k, part) in self.parts.iter().enumerate() {
+            let moments = &self.moments[k];
+            let (linear, angular) = match self.motions[k] {
                 BodyMotion::Free { force, torque } => {
-                    let force = Vector3::from(force) / density;
-                    let torque = Vector3::from(torque) / density - moments.shift.cross(&force);
-                    (force / moments.volume, moments.inverse * torque)
+                    let load = loads[k] + stacked(force, torque);
+                    moments.accelerations(&load, self.density)
                 }
                 BodyMotion::Given { velocity, spin } => {
                     let spin = Vector3::from(spin);
@@ -153,38 +186,50 @@ impl Bodies {
         }
     }
 
+    /// Adds the forces and torques of links at given motions.
+    fn add_links(&self, motions: &[Motion], loads: &mut [Motion]) {
+        for link in &self.links {
+            let [a, b] = link.bodies;
+            let mut both = SVector::<f64, 12>::zeros();
+            both.fixed_rows_mut::<6>(0).copy_from(&motions[a]);
+            both.fixed_rows_mut::<6>(6).copy_from(&motions[b]);
+            let load = link.resistance * both;
+            loads[a] -= load.fixed_rows::<6>(0);
+            loads[b] -= load.fixed_rows::<6>(6);
+        }
+    }
+
     /// Motions in a flow, and the forces on the bodies. Collective.
-    fn states(
-        &mut self,
-        u: &[[f64; 4]],
-        density: f64,
-        communicator: &Communicator,
-    ) -> Vec<BodyState> {
+    fn states(&mut self, u: &[[f64; 4]], communicator: &Communicator) -> Vec<BodyState> {
         self.project(u, communicator);
+        let now = |k: usize| match self.motions[k] {
+            BodyMotion::Free { .. } => self.motion(k),
+            BodyMotion::Given { velocity, spin } => stacked(velocity, spin),
+        };
+        let motions: Vec<Motion> = (0..self.parts.len()).map(now).collect();
+        let mut loads = vec![Motion::zeros(); motions.len()];
+        self.add_links(&motions, &mut loads);
         let of = |k: usize| {
-            let (mean, turning) = self.mean(k);
             let moments = &self.moments[k];
-            match self.motions[k] {
-                BodyMotion::Free { force, torque } => BodyState {
-                    velocity: (mean - turning.cross(&moments.shift)).into(),
-                    spin: turning.into(),
-                    force: force.map(|f| -f),
-                    torque: torque.map(|t| -t),
-                },
+            let force = match self.motions[k] {
+                BodyMotion::Free { force, torque } => -(loads[k] + stacked(force, torque)),
                 BodyMotion::Given { velocity, spin } => {
-                    let given = Vector3::from(spin);
-                    let centroid = Vector3::from(velocity) + given.cross(&moments.shift);
-                    let scale = density * self.resistance;
+                    let (mean, turning) = self.mean(k);
+                    let spin = Vector3::from(spin);
+                    let centroid = Vector3::from(velocity) + spin.cross(&moments.shift);
+                    let scale = self.density * self.resistance;
                     let force = scale * moments.volume * (mean - centroid);
                     let inertia = moments.inverse.try_inverse().unwrap_or_default();
-                    let torque = scale * (inertia * (turning - given));
-                    BodyState {
-                        velocity,
-                        spin,
-                        force: force.into(),
-                        torque: (torque + moments.shift.cross(&force)).into(),
-                    }
+                    let torque = scale * (inertia * (turning - spin));
+                    stacked(force.into(), (torque + moments.shift.cross(&force)).into())
                 }
+            };
+            let part = |v: &Motion, first: usize| [v[first], v[first + 1], v[first + 2]];
+            BodyState {
+                velocity: part(&motions[k], 0),
+                spin: part(&motions[k], 3),
+                force: part(&force, 0),
+                torque: part(&force, 3),
             }
         };
         (0..self.parts.len()).map(of).collect()
@@ -213,6 +258,28 @@ impl Bodies {
         let angular = moments.inverse * Vector3::from_column_slice(&sums[3..]);
         (linear, angular)
     }
+
+    /// The velocity of the centre and the spin.
+    fn motion(&self, k: usize) -> Motion {
+        let (mean, spin) = self.mean(k);
+        let velocity = mean - spin.cross(&self.moments[k].shift);
+        stacked(velocity.into(), spin.into())
+    }
+}
+
+impl BodyMotion {
+    /// Velocity and spin where they are given, else zero.
+    fn given(&self) -> Motion {
+        match *self {
+            Self::Free { .. } => Motion::zeros(),
+            Self::Given { velocity, spin } => stacked(velocity, spin),
+        }
+    }
+}
+
+fn stacked(first: [f64; 3], second: [f64; 3]) -> Motion {
+    let ([a, b, c], [d, e, f]) = (first, second);
+    Motion::new(a, b, c, d, e, f)
 }
 
 impl Moments {
@@ -230,6 +297,13 @@ impl Moments {
             inverse: inertia.try_inverse().unwrap_or_default(),
         }
     }
+
+    /// a and α of the centroid by a force and a torque about the centre.
+    fn accelerations(&self, load: &Motion, density: f64) -> (Vector3<f64>, Vector3<f64>) {
+        let force: Vector3<f64> = load.fixed_rows::<3>(0) / density;
+        let torque = load.fixed_rows::<3>(3) / density - self.shift.cross(&force);
+        (force / self.volume, self.inverse * torque)
+    }
 }
 
 impl Fluid {
@@ -243,6 +317,7 @@ impl Fluid {
         length: f64,
         parts: Vec<BodyPart>,
         motions: Vec<BodyMotion>,
+        links: Vec<BodyLink>,
     ) -> Result<(), FluidError> {
         let Some(creeping) = &mut self.creeping else {
             return Err(FluidError::Convection);
@@ -258,7 +333,8 @@ impl Fluid {
         let communicator = self.mesh.halo.communicator();
         let resistance = self.settings.kinematic_viscosity() / (length * length);
         let volumes = self.operators.volumes();
-        let bodies = Bodies::new(resistance, parts, motions, volumes, communicator);
+        let scales = [resistance, self.settings.density];
+        let bodies = Bodies::new(scales, parts, motions, links, volumes, communicator);
         let empty = (bodies.moments.iter()).find(|m| m.volume.is_nan() || m.volume <= 0.0);
         if let Some(empty) = empty {
             return Err(setting(
@@ -276,7 +352,7 @@ impl Fluid {
         let communicator = self.mesh.halo.communicator();
         let bodies = (self.creeping.as_mut()).and_then(|c| c.system.bodies.as_mut());
         bodies.map_or_else(Vec::new, |bodies| {
-            bodies.states(&self.velocity, self.settings.density, communicator)
+            bodies.states(&self.velocity, communicator)
         })
     }
 }

@@ -19,7 +19,7 @@ mod precondition;
 mod step;
 mod system;
 
-pub use bodies::{BodyMotion, BodyPart, BodyState};
+pub use bodies::{BodyLink, BodyMotion, BodyPart, BodyState};
 pub use step::CreepingStep;
 
 use crate::boundary::Boundary;

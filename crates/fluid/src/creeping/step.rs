@@ -159,7 +159,7 @@ impl Fluid {
             }
         });
         if let Some(bodies) = &creeping.system.bodies {
-            bodies.push(self.settings.density, &mut creeping.source);
+            bodies.push(&mut creeping.source);
         }
         self.boundary.move_to(self.time + passed);
         self.boundary.pulse_to(self.time + passed);
