@@ -1,5 +1,7 @@
 //! Beads in two fluids, alone or joined by beams to fibres (L 2): smooth profiles that are rigid in a creeping flow.
 //!
+//! The capillary force on a bead is minus the derivative of the free energy by its place, ∫ μ_φ ∇φ_k dV: L's −φ∇μ_φ as a whole.
+//!
 //! A step: profiles at the present places; the free energy sees them as the solid, the Stokes solve as rigid bodies; beams pull with
 //! F(X + Δt V) ≈ F(X) − Δt K V inside that solve, so that their stiffness does not limit the step; then the beads move with the flow.
 //! In a mesh that is one element thick a bead is a disc of that depth, and its beam has the stiffness of a round rod all the same.
@@ -82,6 +84,8 @@ pub struct Beads {
     /// First bead of every chain, and the end.
     offsets: Vec<usize>,
     parts: Vec<BodyPart>,
+    /// Capillary force on every bead in the step \[N\].
+    capillary: Vec<f64>,
 }
 
 /// Numbers of a bead in a checkpoint.
@@ -99,6 +103,7 @@ impl Beads {
             beams: Vec::new(),
             offsets: vec![0],
             parts: Vec::new(),
+            capillary: Vec::new(),
         };
         let radius = settings.profile.radius;
         for chain in chains {
@@ -154,12 +159,30 @@ impl Beads {
         }
     }
 
+    /// Capillary force on every bead as placed \[N\]. Collective.
+    pub fn capillary(&self, fluid: &Fluid, field: &PhaseField) -> Vec<Vector3> {
+        let forces = self.capillary_forces(fluid, field);
+        forces
+            .chunks_exact(3)
+            .map(Vector3::from_column_slice)
+            .collect()
+    }
+
     /// Hands the beads as placed to the flow of a step of `dt` \[s\]. Collective.
     ///
     /// # Errors
     /// A flow with convection, a bead outside the mesh.
-    pub fn hold(&mut self, fluid: &mut Fluid, dt: f64) -> Result<(), FluidError> {
-        let (loads, links) = self.pulls(dt);
+    pub fn hold(
+        &mut self,
+        fluid: &mut Fluid,
+        field: Option<&PhaseField>,
+        dt: f64,
+    ) -> Result<(), FluidError> {
+        let (mut loads, links) = self.pulls(dt);
+        self.capillary = field.map_or_else(Vec::new, |field| self.capillary_forces(fluid, field));
+        for (load, force) in loads.iter_mut().zip(self.capillary.chunks_exact(3)) {
+            (0..3).for_each(|c| load[0][c] += force[c]);
+        }
         let motion = |(fixed, [force, torque]): (&bool, [[f64; 3]; 2])| {
             if *fixed {
                 BodyMotion::Given {
@@ -177,11 +200,15 @@ impl Beads {
 
     /// Takes the motions of the flow just solved, and moves on by `dt` \[s\]. Collective.
     pub fn follow(&mut self, fluid: &mut Fluid, dt: f64) {
-        for (bead, state) in self.beads.iter_mut().zip(fluid.body_states()) {
+        let states = fluid.body_states();
+        for (k, (bead, state)) in self.beads.iter_mut().zip(states).enumerate() {
             bead.velocity = state.velocity.into();
             bead.spin = state.spin.into();
             bead.force = state.force.into();
             bead.torque = state.torque.into();
+            if let Some(capillary) = self.capillary.get(3 * k..3 * k + 3) {
+                bead.force += Vector3::from_column_slice(capillary);
+            }
             bead.position += dt * bead.velocity;
             bead.orientation = Quaternion::from_scaled_axis(dt * bead.spin) * bead.orientation;
         }
@@ -206,6 +233,32 @@ impl Beads {
             position: &self.beads[k].position,
             orientation: &self.beads[k].orientation,
         }
+    }
+
+    /// −∂F/∂X of every bead as placed: with f_1 = (3/2) (Σ φ_k (ψ − ψ*_k))² it is e Σ V 3φ(ψ − ψ*)(ψ − ψ*_k) ∇φ_k. None turns: φ_k is
+    /// round. Collective.
+    fn capillary_forces(&self, fluid: &Fluid, field: &PhaseField) -> Vec<f64> {
+        let (psi, solid) = (field.order_parameter(), field.solid());
+        let volumes = &fluid.geometry().volumes;
+        let density = field.settings().energy_density();
+        let mut forces = vec![0.0; 3 * self.parts.len()];
+        let beads = self.parts.iter().zip(&self.wanted);
+        for ((part, wanted), force) in beads.zip(forces.chunks_exact_mut(3)) {
+            for (&i, arm) in part.nodes.iter().zip(&part.arms) {
+                let i = i as usize;
+                let distance = Vector3::from(*arm).norm();
+                if distance == 0.0 {
+                    continue;
+                }
+                let ([phi, asked], psi) = (solid[i], psi[i]);
+                let potential = 3.0 * density * phi * (psi - asked) * (psi - wanted);
+                let slope = self.settings.profile.slope(distance) / distance;
+                let share = volumes[i] * potential * slope;
+                (0..3).for_each(|c| force[c] += share * arm[c]);
+            }
+        }
+        fluid.mesh().halo.communicator().sum_slice(&mut forces);
+        forces
     }
 
     /// Force and torque of the beams on every bead, and Δt K of every beam.

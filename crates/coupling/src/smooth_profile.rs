@@ -28,6 +28,17 @@ impl Profile {
         }
     }
 
+    /// ∂φ/∂(distance) \[1/m\], without the jumps at the cut-off.
+    pub fn slope(&self, distance: f64) -> f64 {
+        let inside = self.radius - distance;
+        if inside.abs() > self.cutoff {
+            return 0.0;
+        }
+        let scale = std::f64::consts::SQRT_2 * self.width;
+        let cosh = (inside / scale).cosh();
+        -0.5 / (scale * cosh * cosh)
+    }
+
     /// Beyond this φ is zero \[m\].
     pub fn reach(&self) -> f64 {
         self.radius + self.cutoff

@@ -279,7 +279,8 @@ impl Solved {
     fn advance_beads(&mut self, dt: f64) -> Result<StepReport, ProgramError> {
         let fluid = &mut self.fluid;
         if let Some(beads) = &mut self.beads {
-            beads.hold(fluid, dt)?;
+            let field = self.phase.as_ref().map(|phase| &phase.field);
+            beads.hold(fluid, field, dt)?;
         }
         let report = fluid.advance(dt)?;
         if let Some(beads) = &mut self.beads {

@@ -173,6 +173,7 @@ impl Fluid {
         };
         // What the data ask for: the residual of a flow at rest but for its boundaries.
         self.put_rest(rest, given);
+        self.level(rest, held, mean);
         system.residual(operators, boundary, data, rest, residual);
         self.balance(residual, held);
         let [asked, asked_flux, _, terms] = sizes(system, rest, residual);

@@ -5,9 +5,9 @@ use super::free_energy::bulk;
 use crate::{Fluid, rows};
 
 impl PhaseField {
-    /// Adds −ψ∇μ_ψ − φ∇μ_φ \[N/m³\] (L 33) to a force field of total length, at owned nodes. Collective.
+    /// Adds −ψ∇μ_ψ \[N/m³\] (L 33) to a force field of total length, at owned nodes. Collective.
     ///
-    /// V_i f_i = −½ Σ_j [½(ψ_i + ψ_j)(μ_j − μ_i) + the same of φ] S_ij: minus the transpose of the advection of ψ.
+    /// V_i f_i = −½ Σ_j ½(ψ_i + ψ_j)(μ_j − μ_i) S_ij: minus the transpose of the advection of ψ.
     pub fn add_force(&mut self, fluid: &Fluid, force: &mut [[f64; 4]]) {
         self.pack(fluid);
         let (geometry, packed) = (fluid.geometry(), &self.packed);
@@ -19,8 +19,7 @@ impl PhaseField {
             let faces = &geometry.faces[range.clone()];
             for (&j, s) in geometry.columns[range].iter().zip(faces) {
                 let other = packed[j as usize];
-                let carried = (own[0] + other[0]) * (other[1] - own[1])
-                    + (own[2] + other[2]) * (other[3] - own[3]);
+                let carried = (own[0] + other[0]) * (other[1] - own[1]);
                 (0..3).for_each(|c| sum[c] += carried * s[c]);
             }
             (0..3).for_each(|c| force[c] -= 0.25 * inverse[i] * sum[c]);
@@ -50,11 +49,11 @@ impl PhaseField {
         nodes.enumerate().map(at).collect()
     }
 
-    /// (ψ, μ_ψ, φ, μ_φ) into `packed`, halo included.
+    /// (ψ, μ_ψ, ·, ·) into `packed`, halo included.
     fn pack(&mut self, fluid: &Fluid) {
         let potentials = self.chemical_potentials(fluid);
-        for (i, [mu, other]) in potentials.into_iter().enumerate() {
-            self.packed[i] = [self.psi[i], mu, self.solid[i][0], other];
+        for (i, [mu, _]) in potentials.into_iter().enumerate() {
+            self.packed[i] = [self.psi[i], mu, 0.0, 0.0];
         }
         fluid.mesh.halo.update(&mut self.packed);
     }

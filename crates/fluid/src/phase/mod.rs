@@ -3,13 +3,14 @@
 //! ```text
 //! F = e ∫ f dV,   f = ¼(1 − ψ²)² + (3/2) φ² (ψ − ψ*)² + ½ ξ² |∇ψ|²        (L 27–30)
 //! ∂ψ/∂t + ∇·(ψu) = M ∇²μ_ψ,   μ_ψ = δF/δψ,   μ_φ = δF/δφ,   D = e M        (L 32)
-//! force on the flow = −ψ∇μ_ψ − φ∇μ_φ                                       (L 33)
+//! force on the flow = −ψ∇μ_ψ, force on the solid = ∫ μ_φ ∇φ dV             (L 33, with −φ∇μ_φ taken as a whole)
 //! ```
 //!
 //! The surface tension between both fluids is σ = (√8/3) e ξ, their interface ψ = tanh(x/√2ξ). With the energy of gradients
 //! ½ Σ w_ij (ψ_j − ψ_i)² over pairs, V μ_ψ = ∂F/∂ψ_i holds exactly; the force is minus the transpose of ψ-advection by the fluxes
-//! ½(u_i + u_j)·S_ij, so that what the flow takes from F it gains as work, and nothing moves where μ_ψ is uniform. Boundaries are
-//! neutral and let nothing diffuse through.
+//! ½(u_i + u_j)·S_ij, so that what the flow takes from F it gains as work, and nothing moves where μ_ψ is uniform: L's −φ∇μ_φ, which
+//! differs by a gradient in total, would stir the fluid at the edge of a solid at rest. Boundaries are neutral and let nothing
+//! diffuse through.
 
 mod force;
 mod free_energy;
