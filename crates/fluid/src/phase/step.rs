@@ -68,7 +68,7 @@ impl PhaseField {
         rows::each(&mut self.trial[..owned], |i, trial| {
             *trial = psi[i] + dt * rate[i];
         });
-        let settings = self.settings.solver.clone();
+        let settings = self.settings.solver;
         let scale = self.settings.diffusivity * self.share(dt)[0] * self.square_width();
         self.mixing.restart();
         let mut report = PhaseReport::default();
