@@ -168,7 +168,7 @@ impl Beads {
             .collect()
     }
 
-    /// Hands the beads as placed to the flow of a step of `dt` \[s\]. Collective.
+    /// Hands the beads, as placed or, without a second fluid, at mid-step, to the flow of a step of `dt` \[s\]. Collective.
     ///
     /// # Errors
     /// A flow with convection, a bead outside the mesh.
@@ -194,7 +194,13 @@ impl Beads {
             }
         };
         let motions = self.fixed.iter().zip(loads).map(motion).collect();
-        let parts = std::mem::take(&mut self.parts);
+        let mut parts = std::mem::take(&mut self.parts);
+        if field.is_none() {
+            // Where they will be in the middle of the step: of second order where beams do not relax.
+            let middle = |b: &Bead| (b.position + 0.5 * dt * b.velocity).into();
+            let centres: Vec<[f64; 3]> = self.beads.iter().map(middle).collect();
+            parts = self.nodes.parts(&centres);
+        }
         fluid.set_bodies(self.settings.screening, parts, motions, links)
     }
 
