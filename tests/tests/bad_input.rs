@@ -658,5 +658,9 @@ fn two_fluids_and_beads_that_do_not_fit() {
     refused(&both, &[], &["beads", "[[fibres]]"]);
     let (fluid, _) = CASE.split_once("[[fibres]]").expect("fibres come last");
     let full = bench(&format!("{fluid}\n{beads}"));
-    refused(&full, &["--set=fluid.inertia=full"], &["[beads]", "convection"]);
+    refused(
+        &full,
+        &["--set=fluid.inertia=full"],
+        &["[beads]", "convection"],
+    );
 }

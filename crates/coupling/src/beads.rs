@@ -76,7 +76,8 @@ pub struct Beads {
     settings: BeadSettings,
     nodes: BeadNodes,
     beads: Vec<Bead>,
-    /// ψ* by bead, and which stay where they are.
+    /// ψ_0 and ψ* by bead, and which stay where they are.
+    inside: Vec<f64>,
     wanted: Vec<f64>,
     fixed: Vec<bool>,
     /// Beams from a bead to the next.
@@ -98,6 +99,7 @@ impl Beads {
             nodes: BeadNodes::new(fluid.mesh(), settings.profile),
             settings,
             beads: Vec::new(),
+            inside: Vec::new(),
             wanted: Vec::new(),
             fixed: Vec::new(),
             beams: Vec::new(),
@@ -122,6 +124,7 @@ impl Beads {
                     orientation,
                     ..Bead::default()
                 });
+                beads.inside.push(chain.psi_0);
                 beads.wanted.push(affinity(chain.psi_0));
                 beads.fixed.push(chain.fixed);
             }
@@ -157,6 +160,20 @@ impl Beads {
                 field.solid_mut(),
             );
         }
+    }
+
+    /// Blends ψ_0 into ψ where beads are placed: a start near to equilibrium. Collective.
+    ///
+    /// # Errors
+    /// None with a field that is finite.
+    pub fn wet(&self, fluid: &Fluid, field: &mut PhaseField) -> Result<(), FluidError> {
+        let mut psi = field.order_parameter().to_vec();
+        for (part, inside) in self.parts.iter().zip(&self.inside) {
+            for (&i, phi) in part.nodes.iter().zip(&part.profile) {
+                psi[i as usize] += phi * (inside - field.order_parameter()[i as usize]);
+            }
+        }
+        field.set_values(fluid, &psi)
     }
 
     /// Capillary force on every bead as placed \[N\]. Collective.

@@ -17,7 +17,7 @@ pub struct Phase {
     /// Diffusivity D [m²/s]: mobility times the energy density 3σ/(√8 ξ).
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub diffusivity: f64,
-    /// ψ at the start, a formula in x, y, z [m] as in `fluid.initial`.
+    /// ψ at the start, a formula in x, y, z [m] as in `fluid.initial`; in beads it is replaced by their ψ_0.
     pub initial: String,
     /// A solid at rest that ψ sees, but not the flow. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]

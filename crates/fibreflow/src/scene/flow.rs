@@ -370,6 +370,9 @@ fn solved(
         inertia,
     };
     solved.place_beads();
+    if let (Some(beads), Some(phase)) = (&solved.beads, &mut solved.phase) {
+        beads.wet(&solved.fluid, &mut phase.field)?;
+    }
     Ok(solved)
 }
 

@@ -159,9 +159,18 @@ impl PhaseField {
     /// # Errors
     /// A value that is not finite.
     pub fn set(&mut self, fluid: &Fluid, psi: impl Fn([f64; 3]) -> f64) -> Result<(), FluidError> {
-        for (value, &x) in self.psi.iter_mut().zip(&fluid.mesh.nodes) {
-            *value = psi(x);
-        }
+        let values: Vec<f64> = fluid.mesh.nodes.iter().map(|&x| psi(x)).collect();
+        self.set_values(fluid, &values)
+    }
+
+    /// Sets ψ by owned node, or more; history starts anew. Collective.
+    ///
+    /// # Errors
+    /// A value that is not finite.
+    pub fn set_values(&mut self, fluid: &Fluid, psi: &[f64]) -> Result<(), FluidError> {
+        let owned = fluid.mesh.owned();
+        self.psi[..owned].copy_from_slice(&psi[..owned]);
+        fluid.mesh.halo.update(&mut self.psi);
         self.rate.fill(0.0);
         (self.power, self.last_dt) = (0.0, 0.0);
         self.amount = self.integral(fluid);
