@@ -131,6 +131,18 @@ impl Bodies {
         }
     }
 
+    /// √(Σ κφ) by owned node.
+    fn roots(&self, volumes: &[f64]) -> Vec<f64> {
+        let mut roots = vec![0.0; volumes.len()];
+        for part in &self.parts {
+            for (&i, share) in part.nodes.iter().zip(&part.profile) {
+                roots[i as usize] += self.resistance * share / volumes[i as usize];
+            }
+        }
+        roots.iter_mut().for_each(|r| *r = r.sqrt());
+        roots
+    }
+
     /// Adds what the bodies resist the flow with: κ s (u − P u) of free ones and κ s u of those of given motion, and links. Collective.
     pub fn resist(&mut self, u: &[[f64; 4]], out: &mut [[f64; 4]], communicator: &Communicator) {
         self.project(u, communicator);
@@ -343,7 +355,13 @@ impl Fluid {
                 "that of a few nodes",
             ));
         }
-        creeping.system.bodies = (!bodies.parts.is_empty()).then_some(bodies);
+        let some = !bodies.parts.is_empty();
+        creeping.preconditioner.resistance = if some {
+            bodies.roots(volumes)
+        } else {
+            Vec::new()
+        };
+        creeping.system.bodies = some.then_some(bodies);
         Ok(())
     }
 

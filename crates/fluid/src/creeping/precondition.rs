@@ -28,6 +28,8 @@ pub(super) struct BlockPreconditioner {
     poisson: Option<Inverse>,
     /// s that `viscous` was built for.
     rate: f64,
+    /// √(Σ κφ) of bodies by owned node \[s^(−½)\]; empty without.
+    pub resistance: Vec<f64>,
     /// Direct solves are wanted where they are possible.
     directly: bool,
     krylov: ConjugateGradients<f64>,
@@ -69,6 +71,7 @@ impl BlockPreconditioner {
             viscous: Vec::new(),
             poisson: None,
             rate: f64::NAN,
+            resistance: Vec::new(),
             directly,
             krylov: ConjugateGradients::new(),
             rhs: vec![0.0; mesh.owned()],
@@ -93,7 +96,7 @@ impl BlockPreconditioner {
             }
             self.rate = rate;
         }
-        if rate > 0.0 && self.poisson.is_none() {
+        if (rate > 0.0 || !self.resistance.is_empty()) && self.poisson.is_none() {
             let fixed = &boundary.pressure_fixed;
             let inverse = Inverse::new(mesh, operators, fixed, 0.0, self.directly)?;
             self.poisson = Some(inverse);
@@ -137,6 +140,18 @@ impl BlockPreconditioner {
         rows::each(&mut z[..r.len()], |i, z| {
             z[3] = viscosity / volumes[i] * rhs[i]
         });
+        if !self.resistance.is_empty()
+            && let Some(inverse) = &mut self.poisson
+        {
+            // Inside a body the flow is that through a porous medium.
+            let root = &self.resistance;
+            let divergence = self.rhs.clone();
+            rows::each(&mut self.rhs, |i, rhs| *rhs *= root[i]);
+            inverse.solve(&mut self.krylov, &self.rhs, &mut self.answer, &INNER)?;
+            let answer = &self.answer;
+            rows::each(&mut z[..r.len()], |i, z| z[3] += root[i] * answer[i]);
+            self.rhs.copy_from_slice(&divergence);
+        }
         if rate > 0.0
             && let Some(inverse) = &mut self.poisson
         {
