@@ -638,3 +638,29 @@ fn a_rigid_fibre_with_the_inertia_of_the_fluid() {
     let case = CASE.replace("segments = 4", rigid) + "\n[hydrodynamics]\nfluid_inertia = true\n";
     refused(&bench(&case), &[], &["is rigid", "inertia of the fluid"]);
 }
+
+#[test]
+fn two_fluids_and_beads_that_do_not_fit() {
+    let phase = |rest: &str| {
+        let table = "[phase]\nsurface_tension = 0.02\ninterface_width = 0.5\ndiffusivity = 1e-4\n";
+        bench(&format!("{CASE}\n{table}{rest}\n"))
+    };
+    let decay = phase("initial = \"1\"\ndecay = 0.1");
+    refused(&decay, &[], &["phase.decay", "time.step", "time.cfl"]);
+    let formula = phase("initial = \"tanh(t)\"");
+    refused(&formula, &[], &["phase.initial", "t"]);
+    let infinite = phase("initial = \"1 / (x - x)\"");
+    refused(&infinite, &[], &["phase.initial", "not finite"]);
+    let negative = phase("initial = \"1\"\ntolerance = 0.1");
+    refused(&negative, &[], &["phase.tolerance", "0.1"]);
+    let beads = "[beads]\nradius = 0.1\nchains = [{ start = [0.5, 0.5, 0.5] }]\n";
+    let both = bench(&format!("{CASE}\n{beads}"));
+    refused(&both, &[], &["beads", "[[fibres]]"]);
+    let (fluid, _) = CASE.split_once("[[fibres]]").expect("fibres come last");
+    let full = bench(&format!("{fluid}\n{beads}"));
+    refused(
+        &full,
+        &["--set=fluid.inertia=full"],
+        &["[beads]", "convection"],
+    );
+}

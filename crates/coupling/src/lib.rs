@@ -3,6 +3,7 @@
 mod adjacency;
 mod anderson;
 mod balance;
+mod beads;
 mod boxes;
 mod closest;
 mod coupling;
@@ -16,10 +17,12 @@ mod locate;
 mod probes;
 mod rendezvous;
 mod response;
+pub mod smooth_profile;
 mod spread;
 
 pub use anderson::Anderson;
 pub use balance::FibreLoad;
+pub use beads::{Bead, BeadSettings, Beads, Chain, RECORD};
 pub use coupling::Coupling;
 pub use disturbance::{PlaneWall, Undisturbed, Wake};
 pub use error::CouplingError;

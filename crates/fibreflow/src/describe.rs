@@ -34,6 +34,28 @@ pub fn describe(scene: &Scene, case: &Case) -> Vec<String> {
             lines.push(format!("  {}", solver.pressure_choice()));
         }
     }
+    if let Some(phase) = scene.flow.phase() {
+        let settings = phase.field.settings();
+        lines.push(format!(
+            "two fluids: σ = {:.4e} N/m, ξ = {:.4e} m, energy density {:.4e} J/m³, D = {:.4e} m²/s, an interface relaxes in {:.4e} s",
+            settings.surface_tension,
+            settings.interface_width,
+            settings.energy_density(),
+            settings.diffusivity,
+            settings.interface_width.powi(2) / settings.diffusivity
+        ));
+    }
+    if let Some(beads) = scene.flow.beads() {
+        let settings = beads.settings();
+        lines.push(format!(
+            "beads: {} in {} rows, r_b = {:.4e} m, ξ = {:.4e} m, rigid over ℓ = {:.4e} m, beams implicit",
+            beads.beads().len(),
+            beads.offsets().len() - 1,
+            settings.profile.radius,
+            settings.profile.width,
+            settings.screening
+        ));
+    }
     if case.ambient.is_some() {
         lines.push("flow: prescribed, nothing is solved for".to_owned());
     }

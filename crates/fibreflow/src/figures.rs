@@ -3,7 +3,7 @@
 use crate::scene::{Rounds, Scene, Together};
 use fibreflow_coupling::SpreadReport;
 use fibreflow_fibre::Ambient;
-use fibreflow_fluid::{DiffusionChoice, Fluid, StepReport};
+use fibreflow_fluid::{DiffusionChoice, Fluid, PhaseReport, StepReport};
 use serde::Serialize;
 use std::time::Instant;
 
@@ -34,6 +34,8 @@ pub struct Figures {
     pub outside: usize,
     /// How forces and flow were found together; None in the staggered scheme.
     pub rounds: Option<Rounds>,
+    /// What the order parameter did.
+    pub phase: PhaseReport,
 }
 
 /// Wall time of the stages of the loop on this rank \[s\].
@@ -47,6 +49,8 @@ pub struct Timings {
     pub fibres: f64,
     /// Forces on the fluid.
     pub spread: f64,
+    /// The order parameter of two fluids.
+    pub phase: f64,
     /// The fluid.
     pub fluid: f64,
     /// Observers.
@@ -68,6 +72,8 @@ pub struct Totals {
     pub steps: u64,
     /// Iterations of all pressure solves.
     pub poisson_iterations: usize,
+    /// Iterations of all steps of the order parameter.
+    pub phase_iterations: usize,
     /// Largest divergence of any step \[1/s\].
     pub divergence_max: f64,
     /// Largest defect of any step.
@@ -125,6 +131,11 @@ impl Figures {
         }
     }
 
+    /// Takes over what the order parameter reports, if there is one.
+    pub fn phase(&mut self, report: Option<PhaseReport>) {
+        self.phase = report.unwrap_or_default();
+    }
+
     /// Takes over what the coupling reports, if it acts on the fluid.
     pub fn spread(&mut self, report: Option<SpreadReport>) {
         if let Some(report) = report {
@@ -148,6 +159,7 @@ impl Totals {
     pub fn add(&mut self, figures: &Figures) {
         self.steps += 1;
         self.poisson_iterations += figures.poisson_iterations;
+        self.phase_iterations += figures.phase.iterations;
         self.divergence_max = self.divergence_max.max(figures.divergence);
         self.momentum_defect = self.momentum_defect.max(figures.momentum_defect);
         self.substeps += figures.substeps;

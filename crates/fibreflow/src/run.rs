@@ -113,6 +113,9 @@ impl Run {
                 scene.settle()?;
             }
             let times = &mut totals.timings;
+            // The order parameter in the present flow, then its force on it.
+            let report = timed(&mut times.phase, || scene.flow.advance_phase(dt))?;
+            figures.phase(report);
             match &mut scene.fibres {
                 None if scene.linked.is_some() => {
                     timed(&mut times.fibres, || scene.advance_linked(dt))?;
@@ -242,6 +245,7 @@ fn clear(folder: &Path, resume: bool, communicator: &Communicator) -> Result<(),
             for name in [
                 "fluid",
                 "fibres",
+                "beads",
                 "series",
                 "profiles",
                 "samples",
@@ -250,12 +254,12 @@ fn clear(folder: &Path, resume: bool, communicator: &Communicator) -> Result<(),
             ] {
                 let _ = std::fs::remove_dir_all(folder.join(name));
             }
-            for name in ["fluid.pvd", "fibres.pvd"] {
+            for name in ["fluid.pvd", "fibres.pvd", "beads.pvd"] {
                 let _ = std::fs::remove_file(folder.join(name));
             }
         }
     }
-    for name in ["fluid", "fibres", "series", "checkpoint"] {
+    for name in ["fluid", "fibres", "beads", "series", "checkpoint"] {
         let path = folder.join(name);
         std::fs::create_dir_all(&path).map_err(|e| ProgramError::output(&path, &e))?;
     }

@@ -55,6 +55,10 @@ pub struct FluidSummary {
     pub pressure_solver: Option<String>,
     /// Iterations of the pressure solve, mean over the steps; one where it is direct.
     pub poisson_iterations_mean: Option<f64>,
+    /// Wall time of the order parameter by nodes and steps \[s\]; null without one.
+    pub phase_seconds_per_node_step: Option<f64>,
+    /// Iterations of its nonlinear system, two solves each, mean over the steps.
+    pub phase_iterations_mean: Option<f64>,
     /// Largest divergence of any step \[1/s\].
     pub divergence_max: Option<f64>,
     /// At the end \[J\].
@@ -133,6 +137,7 @@ pub fn of(
         disturbance: slowest(correcting),
         fibres: slowest(t.fibres),
         spread: slowest(t.spread),
+        phase: slowest(t.phase),
         fluid: slowest(t.fluid),
         output: slowest(t.output),
     };
@@ -147,6 +152,10 @@ pub fn of(
         seconds_per_node_step: each(timings.fluid, fluid.mesh().total_nodes, steps),
         pressure_solver: Some(fluid.pressure_choice().to_string()),
         poisson_iterations_mean: mean(totals.poisson_iterations),
+        phase_seconds_per_node_step: each(timings.phase, fluid.mesh().total_nodes, steps)
+            .filter(|_| scene.flow.phase().is_some()),
+        phase_iterations_mean: mean(totals.phase_iterations)
+            .filter(|_| scene.flow.phase().is_some()),
         divergence_max: (steps > 0.0).then_some(totals.divergence_max),
         kinetic_energy: Some(fluid.kinetic_energy()),
         bulk_velocity: Some(fluid.bulk_velocity()),
@@ -246,6 +255,15 @@ pub fn closing(summary: &Summary, stop: Stop) -> String {
         let iterations = summary.fluid.poisson_iterations_mean.unwrap_or(0.0);
         lines.push(format!(
             "fluid: {:.1} ns a node and step, {iterations:.1} Poisson iterations a step",
+            cost * 1e9
+        ));
+    }
+    if let (Some(cost), Some(iterations)) = (
+        summary.fluid.phase_seconds_per_node_step,
+        summary.fluid.phase_iterations_mean,
+    ) {
+        lines.push(format!(
+            "order parameter: {:.1} ns a node and step, {iterations:.1} iterations a step",
             cost * 1e9
         ));
     }

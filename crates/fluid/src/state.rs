@@ -32,7 +32,12 @@ const STEPS: &str = "fluid.steps";
 const DRIVING: [&str; 3] = ["fluid.driving_x", "fluid.driving_y", "fluid.driving_z"];
 
 impl FluidState {
-    fn node(&self, name: &str, width: usize, nodes: usize) -> Result<&[f64], FluidError> {
+    pub(crate) fn node(
+        &self,
+        name: &str,
+        width: usize,
+        nodes: usize,
+    ) -> Result<&[f64], FluidError> {
         let found = self.node.iter().find(|(n, ..)| n == name);
         let (_, stored, values) = found.ok_or_else(|| problem(name, "is missing"))?;
         if *stored != width || values.len() != width * nodes {
@@ -52,7 +57,7 @@ impl FluidState {
         Ok(values)
     }
 
-    fn scalar(&self, name: &str) -> Result<f64, FluidError> {
+    pub(crate) fn scalar(&self, name: &str) -> Result<f64, FluidError> {
         let found = self.scalars.iter().find(|(n, _)| n == name);
         let (_, value) = found.ok_or_else(|| problem(name, "is missing"))?;
         Ok(*value)

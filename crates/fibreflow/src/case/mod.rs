@@ -7,6 +7,7 @@
 // Units stand in plain brackets here: users read these comments as descriptions of the schema.
 #![allow(rustdoc::broken_intra_doc_links)]
 
+mod beads;
 mod boundary;
 mod contact;
 mod coupling;
@@ -20,6 +21,7 @@ mod loads;
 mod mechanics;
 mod mesh;
 mod observables;
+mod phase;
 mod population;
 mod run;
 mod samples;
@@ -27,6 +29,7 @@ mod schema;
 mod statistics;
 mod validate;
 
+pub use beads::{BeadChain, Beads};
 pub use boundary::{Boundary, Factor, Profile};
 pub use contact::{Contact, ContactWall, Lubrication, LubricationModel, Repulsion, VanDerWaals};
 pub use coupling::{Correction, Coupling, CouplingMode, KernelKind, Scheme};
@@ -45,6 +48,7 @@ pub use loads::{Coefficients, Loads};
 pub use mechanics::{IntegratorKind, Mechanics};
 pub use mesh::{Ambient, BoxElement, Domain, MeshSource, PeriodicPair, Stretching};
 pub use observables::Observables;
+pub use phase::{Phase, Solid};
 pub use population::{Axis, Orbits, Orientation, Quantity, Region, Shortfall, Spread};
 pub use run::{Exact, Output, Schedule, Time};
 pub use samples::{SamplePoints, Samples};
@@ -71,6 +75,12 @@ pub struct Case {
     /// The fluid that is solved for; goes with `[mesh]`. Either this or `[ambient]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fluid: Option<Fluid>,
+    /// A second fluid beside the one of `[fluid]`, with surface tension; needs `[fluid]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub phase: Option<Phase>,
+    /// Rigid beads in creeping flow, alone or joined to fibres; needs `[fluid]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub beads: Option<Beads>,
     /// A prescribed analytic flow in place of `[mesh]` and `[fluid]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ambient: Option<Ambient>,

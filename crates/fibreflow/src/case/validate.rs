@@ -397,6 +397,28 @@ fn check_parts(case: &Case, document: &Document) -> Checked {
             "a prescribed flow without `[[fibres]]` has nothing to compute",
         ));
     }
+    if case.phase.is_some() && case.fluid.is_none() {
+        return Err(document.error("phase", "`[phase]` is given without `[fluid]`"));
+    }
+    if case.beads.is_some() && case.fluid.is_none() {
+        return Err(document.error("beads", "`[beads]` is given without `[fluid]`"));
+    }
+    if case.beads.is_some() && !case.fibres.is_empty() {
+        let message = "`[beads]` and `[[fibres]]` do not go together yet";
+        return Err(document.error("beads", message));
+    }
+    if case.beads.is_some() && case.phase.as_ref().is_some_and(|p| p.solid.is_some()) {
+        let message = "the solid of `[phase]` is that of the beads where there are any";
+        return Err(document.error("phase.solid", message));
+    }
+    if case.phase.as_ref().is_some_and(|p| p.decay.is_some()) && case.time.cfl.is_none() {
+        return Err(document
+            .error(
+                "phase.decay",
+                "`phase.decay` limits steps that may change, and `time.step` is constant",
+            )
+            .with_help("give `time.cfl` in place of `time.step`, or remove the key"));
+    }
     Ok(())
 }
 

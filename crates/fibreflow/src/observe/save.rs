@@ -10,6 +10,8 @@ use fibreflow_fluid::FluidState;
 
 const TIME: &str = "run.time";
 const DT: &str = "run.dt";
+/// Records of the beads, and number by number.
+const BEADS: &str = "beads";
 /// ∂u/∂t of the last step, for fibres in the flow of the next.
 const SLOPE: &str = "coupling.slope";
 /// Upper and lower half of the checksum of the mesh; numbers of 32 bits are exact in a float.
@@ -51,6 +53,18 @@ pub fn snapshot(scene: &Scene, clock: &Clock) -> Snapshot {
         }
         snapshot.pair_fields = state.pair.into_iter().map(pair).collect();
         snapshot.scalars.extend(state.scalars);
+        if let Some(phase) = scene.flow.phase() {
+            let state = phase.field.state();
+            snapshot
+                .node_fields
+                .extend(state.node.into_iter().map(node));
+            snapshot.scalars.extend(state.scalars);
+        }
+        if let Some(beads) = scene.flow.beads() {
+            let named = beads.state().into_iter().enumerate();
+            let named = named.map(|(k, value)| (format!("{BEADS}.{k}"), value));
+            snapshot.scalars.extend(named);
+        }
     }
     let beams = scene.fibres.as_ref().map(FibreSystem::state);
     let linked = scene.linked.as_ref().map(LinkedSystem::state);
@@ -111,7 +125,16 @@ pub fn restore(
                 .collect(),
             scalars: snapshot.scalars.clone(),
         };
+        if let Some(phase) = &mut solved.phase {
+            let restored = phase.field.restore(&solved.fluid, &state);
+            restored.map_err(ProgramError::input)?;
+        }
         solved.fluid.restore(state).map_err(ProgramError::input)?;
+        if let Some(beads) = &mut solved.beads {
+            let numbers = (0..).map_while(|k| scalar(&format!("{BEADS}.{k}")));
+            beads.restore(&numbers.collect::<Vec<f64>>());
+        }
+        solved.place_beads();
     }
     if scene.fibres.is_some() || scene.linked.is_some() {
         let record = |(id, words): (u64, &[u64])| FibreRecord {

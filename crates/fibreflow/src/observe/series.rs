@@ -6,10 +6,11 @@ use crate::error::ProgramError;
 use crate::figures::Figures;
 use crate::output::series::Series;
 use crate::scene::Scene;
+use fibreflow_coupling::Beads;
 use fibreflow_fibre::FibreSystem;
 use fibreflow_fibre::contact::ContactSystem;
 use fibreflow_fibre::linked::LinkedSystem;
-use fibreflow_fluid::Fluid;
+use fibreflow_fluid::{Fluid, PhaseField};
 use std::path::Path;
 
 const FLUID: [&str; 14] = [
@@ -67,15 +68,28 @@ const TRACK: [&str; 9] = [
     "end_to_end_z",
 ];
 
+const PHASE: [&str; 8] = [
+    "order_parameter",
+    "free_energy",
+    "bulk_energy",
+    "solid_energy",
+    "gradient_energy",
+    "dissipation",
+    "lowest",
+    "highest",
+];
+
 /// Series of fluid, fibres and tracked fibres; files on rank 0 only.
 pub struct AllSeries {
     fluid: Option<Series>,
+    phase: Option<Series>,
+    beads: Option<Series>,
     fibres: Option<Series>,
     tracks: Vec<(u64, Option<Series>)>,
 }
 
 impl AllSeries {
-    /// Opens `series/fluid.csv`, `series/fibres.csv` and `series/fibre_ID.csv`, as far as the case has them.
+    /// Opens `series/fluid.csv`, `series/phase.csv`, `series/beads.csv`, `series/fibres.csv` and `series/fibre_ID.csv`, as far as the case has them.
     ///
     /// # Errors
     /// Files that cannot be written.
@@ -97,8 +111,13 @@ impl AllSeries {
         for &id in &case.output.track {
             tracks.push((id, open(&format!("fibre_{id}.csv"), &TRACK, true)?));
         }
+        let count = scene.flow.beads().map_or(0, |beads| beads.beads().len());
+        let names = bead_columns(count);
+        let columns: Vec<&str> = names.iter().map(String::as_str).collect();
         Ok(Self {
             fluid: open("fluid.csv", &FLUID, scene.flow.fluid().is_some())?,
+            phase: open("phase.csv", &PHASE, scene.flow.phase().is_some())?,
+            beads: open("beads.csv", &columns, scene.flow.beads().is_some())?,
             fibres: match &scene.linked {
                 Some(_) => open("fibres.csv", &LINKED, true)?,
                 None => open("fibres.csv", &FIBRES, scene.fibres.is_some())?,
@@ -119,6 +138,13 @@ impl AllSeries {
     ) -> Result<(), ProgramError> {
         if let Some(fluid) = scene.flow.fluid() {
             put(&mut self.fluid, clock, &fluid_values(fluid, clock, figures))?;
+            if let Some(phase) = scene.flow.phase() {
+                let values = phase_values(&phase.field, fluid, figures);
+                put(&mut self.phase, clock, &values)?;
+            }
+            if let Some(beads) = scene.flow.beads() {
+                put(&mut self.beads, clock, &bead_values(beads))?;
+            }
         }
         if let Some(fibres) = &scene.fibres {
             let mut values = fibre_values(fibres);
@@ -164,10 +190,15 @@ impl AllSeries {
     /// Files that cannot be written.
     pub fn flush(&mut self) -> Result<(), ProgramError> {
         let tracks = self.tracks.iter_mut().map(|(_, s)| s);
-        for series in [&mut self.fluid, &mut self.fibres]
-            .into_iter()
-            .chain(tracks)
-            .flatten()
+        for series in [
+            &mut self.fluid,
+            &mut self.phase,
+            &mut self.beads,
+            &mut self.fibres,
+        ]
+        .into_iter()
+        .chain(tracks)
+        .flatten()
         {
             series
                 .flush()
@@ -198,6 +229,46 @@ fn fluid_values(fluid: &Fluid, clock: &Clock, figures: &Figures) -> Vec<f64> {
     values.extend(fluid.bulk_velocity());
     values.extend(fluid.driving_force());
     values.extend([figures.outside as f64, figures.momentum_defect]);
+    values
+}
+
+/// ∫ψ, free energy, what diffusion takes from it, smallest and largest ψ.
+fn phase_values(field: &PhaseField, fluid: &Fluid, figures: &Figures) -> [f64; PHASE.len()] {
+    let energy = field.energy(fluid);
+    let psi = &field.order_parameter()[..fluid.mesh().owned()];
+    let communicator = fluid.mesh().halo.communicator();
+    let lowest = psi.iter().copied().fold(f64::INFINITY, f64::min);
+    let highest = psi.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    [
+        field.integral(fluid),
+        energy.total(),
+        energy.bulk,
+        energy.solid,
+        energy.gradient,
+        figures.phase.dissipation,
+        communicator.min(lowest),
+        communicator.max(highest),
+    ]
+}
+
+/// Of the beams, and of every bead its place, velocity, spin and the force of the fluids on it.
+fn bead_columns(count: usize) -> Vec<String> {
+    const BEAD: [&str; 12] = [
+        "x", "y", "z", "u", "v", "w", "spin_x", "spin_y", "spin_z", "force_x", "force_y", "force_z",
+    ];
+    let of = |k: usize| BEAD.iter().map(move |name| format!("bead_{k}_{name}"));
+    let mut columns = vec!["elastic_energy".to_owned()];
+    columns.extend((0..count).flat_map(of));
+    columns
+}
+
+fn bead_values(beads: &Beads) -> Vec<f64> {
+    let mut values = vec![beads.elastic_energy()];
+    for bead in beads.beads() {
+        for vector in [bead.position, bead.velocity, bead.spin, bead.force] {
+            values.extend(vector.iter());
+        }
+    }
     values
 }
 

@@ -5,20 +5,22 @@ use crate::error::{ProgramError, agree};
 use crate::output::grid::Grid;
 use crate::output::vtk::{Array, Collection, Piece, Topology};
 use crate::scene::Scene;
+use fibreflow_coupling::Beads;
 use fibreflow_fibre::FibreSystem;
 use fibreflow_fibre::linked::LinkedSystem;
-use fibreflow_fluid::Fluid;
+use fibreflow_fluid::{Fluid, PhaseField};
 use fibreflow_mesh::Periods;
 use fibreflow_parallel::Communicator;
 use std::path::{Path, PathBuf};
 
-/// Writer of `fluid/…`, `fluid.pvd`, `fibres/…`, `fibres.pvd`.
+/// Writer of `fluid/…`, `fluid.pvd`, `fibres/…`, `fibres.pvd`, `beads/…`, `beads.pvd`.
 pub struct VtkOutput {
     folder: PathBuf,
     grid: Option<Grid>,
     periods: Periods,
     fluid: Collection,
     fibres: Collection,
+    beads: Collection,
 }
 
 impl VtkOutput {
@@ -38,6 +40,7 @@ impl VtkOutput {
             periods: scene.periods,
             fluid: collection("fluid.pvd"),
             fibres: collection("fibres.pvd"),
+            beads: collection("beads.pvd"),
         })
     }
 
@@ -48,7 +51,8 @@ impl VtkOutput {
     pub fn write(&mut self, scene: &Scene, clock: &Clock) -> Result<(), ProgramError> {
         let (folder, communicator) = (self.folder.clone(), &scene.communicator);
         if let (Some(fluid), Some(grid)) = (scene.flow.fluid(), &self.grid) {
-            let piece = fluid_piece(grid, fluid);
+            let phase = scene.flow.phase().map(|phase| &phase.field);
+            let piece = fluid_piece(grid, fluid, phase);
             let set = DataSet {
                 folder: &folder,
                 name: "fluid",
@@ -70,6 +74,16 @@ impl VtkOutput {
                 communicator,
             };
             set.write(&piece, clock, &mut self.fibres)?;
+        }
+        if let Some(beads) = scene.flow.beads() {
+            let piece = bead_piece(beads, communicator.is_root());
+            let set = DataSet {
+                folder: &folder,
+                name: "beads",
+                extension: "vtp",
+                communicator,
+            };
+            set.write(&piece, clock, &mut self.beads)?;
         }
         Ok(())
     }
@@ -143,8 +157,9 @@ impl DataSet<'_> {
     }
 }
 
-/// Velocity \[m/s\], pressure \[Pa\], body force \[N/m³\]; eddy viscosity \[m²/s\] where there is a model.
-fn fluid_piece(grid: &Grid, fluid: &Fluid) -> Piece {
+/// Velocity \[m/s\], pressure \[Pa\], body force \[N/m³\]; eddy viscosity \[m²/s\] where there is a model; ψ, φ and the
+/// mechanical pressure \[Pa\] of two fluids.
+fn fluid_piece(grid: &Grid, fluid: &Fluid, phase: Option<&PhaseField>) -> Piece {
     let density = fluid.settings().density;
     let mut pressure = fluid.pressure_everywhere();
     pressure.iter_mut().for_each(|p| *p *= density);
@@ -159,6 +174,17 @@ fn fluid_piece(grid: &Grid, fluid: &Fluid) -> Piece {
         viscosity.resize(fluid.mesh().total(), 0.0);
         fluid.mesh().halo.update(&mut viscosity);
         arrays.push(grid.scalar("eddy_viscosity", &viscosity));
+    }
+    if let Some(field) = phase {
+        let mut mechanical = field.capillary_pressure(fluid);
+        mechanical.resize(fluid.mesh().total(), 0.0);
+        fluid.mesh().halo.update(&mut mechanical);
+        let sums = mechanical.iter_mut().zip(&pressure);
+        sums.for_each(|(sum, p)| *sum += p);
+        let solid: Vec<f64> = field.solid().iter().map(|solid| solid[0]).collect();
+        arrays.push(grid.scalar("order_parameter", field.order_parameter()));
+        arrays.push(grid.scalar("mechanical_pressure", &mechanical));
+        arrays.push(grid.scalar("solid_fraction", &solid));
     }
     grid.piece(arrays)
 }
@@ -234,6 +260,28 @@ fn linked_piece(fibres: &LinkedSystem, periods: &Periods) -> Piece {
             Array::vector("joint_force", forces),
         ],
         cell_data: vec![Array::integer("fibre", ids)],
+    }
+}
+
+/// One polyline a chain, on the first rank.
+fn bead_piece(beads: &Beads, here: bool) -> Piece {
+    let shown = if here { beads.beads() } else { &[] };
+    let offsets = beads.offsets().iter().skip(1).filter(|_| here);
+    let radius = beads.settings().profile.radius;
+    let count = offsets.clone().count() as i64;
+    Piece {
+        points: shown.iter().map(|b| b.position.into()).collect(),
+        topology: Topology::Lines {
+            connectivity: (0..shown.len() as i64).collect(),
+            offsets: offsets.map(|&o| o as i64).collect(),
+        },
+        point_data: vec![
+            Array::scalar("radius", vec![radius; shown.len()]),
+            Array::vector("velocity", shown.iter().map(|b| b.velocity.into())),
+            Array::vector("spin", shown.iter().map(|b| b.spin.into())),
+            Array::vector("force", shown.iter().map(|b| b.force.into())),
+        ],
+        cell_data: vec![Array::integer("chain", (0..count).collect())],
     }
 }
 

@@ -1,21 +1,23 @@
 //! The flow around the fibres: solved for on a mesh, or prescribed.
 
+use super::beads::beads;
 use super::boundary::Boundaries;
 use super::exchange::Exchange;
 use super::forces::body_force;
 use super::inertia::{InertiaChoice, bounds};
 use super::initial::velocity_field;
 use super::mesh::SceneMesh;
+use super::phase::Phase;
 use super::pipe::Pipe;
 use super::settings::settings;
 use super::together::Together;
 use crate::case::{self, Case, Document};
 use crate::error::{ProgramError, agree};
 use crate::figures::Timings;
-use fibreflow_coupling::SpreadReport;
+use fibreflow_coupling::{Beads, SpreadReport};
 use fibreflow_fibre::hydrodynamics::AmbientFlow;
 use fibreflow_fibre::{Ambient, FibreSystem, Points};
-use fibreflow_fluid::{BoundaryCondition, Fluid, FluidError, Inertia, StepReport};
+use fibreflow_fluid::{BoundaryCondition, Fluid, FluidError, Inertia, PhaseReport, StepReport};
 use nalgebra::Vector3;
 use std::path::Path;
 
@@ -33,6 +35,10 @@ pub struct Solved {
     pub fluid: Fluid,
     /// What passes between it and the fibres.
     pub exchange: Exchange,
+    /// The second fluid, if there is one.
+    pub phase: Option<Phase>,
+    /// Beads, if there are any.
+    pub beads: Option<Beads>,
     /// Which inertia it has, and why.
     pub inertia: InertiaChoice,
 }
@@ -149,6 +155,44 @@ impl Flow {
         }
     }
 
+    /// The second fluid, if there is one.
+    pub fn phase(&self) -> Option<&Phase> {
+        match self {
+            Self::Solved(solved) => solved.phase.as_ref(),
+            Self::Prescribed(_) => None,
+        }
+    }
+
+    /// Beads, if there are any.
+    pub fn beads(&self) -> Option<&Beads> {
+        match self {
+            Self::Solved(solved) => solved.beads.as_ref(),
+            Self::Prescribed(_) => None,
+        }
+    }
+
+    /// One step of the order parameter, whose force then acts on the flow. Collective.
+    ///
+    /// # Errors
+    /// A step that is not solved.
+    pub fn advance_phase(&mut self, dt: f64) -> Result<Option<PhaseReport>, ProgramError> {
+        let Self::Solved(solved) = self else {
+            return Ok(None);
+        };
+        let Solved {
+            fluid,
+            exchange,
+            phase: Some(phase),
+            ..
+        } = &mut **solved
+        else {
+            return Ok(None);
+        };
+        let report = phase.advance(fluid, dt, &mut exchange.forces)?;
+        fluid.body_force_mut().copy_from_slice(&exchange.forces);
+        Ok(Some(report))
+    }
+
     /// One fluid step: convect, diffuse, project; `follow` remembers the change for fibres. Collective.
     ///
     /// # Errors
@@ -157,6 +201,9 @@ impl Flow {
         let Self::Solved(solved) = self else {
             return Ok(None);
         };
+        if solved.beads.is_some() {
+            return solved.advance_beads(dt).map(Some);
+        }
         let Solved {
             fluid, exchange, ..
         } = &mut **solved;
@@ -197,7 +244,11 @@ impl Flow {
         let longest = time.max_step.unwrap_or(time.end);
         match (self, time.step, time.cfl) {
             (_, Some(step), _) => step,
-            (Self::Solved(solved), None, Some(cfl)) => solved.fluid.suggest_dt(cfl, longest),
+            (Self::Solved(solved), None, Some(cfl)) => {
+                let longest = solved.fluid.suggest_dt(cfl, longest);
+                let phase = solved.phase.as_ref();
+                phase.map_or(longest, |phase| phase.suggest_dt(&solved.fluid, longest))
+            }
             _ => longest,
         }
     }
@@ -220,6 +271,31 @@ impl Flow {
         let destination = coupling.points_owner(&loads);
         fibres.migrate(&destination)?;
         Ok(())
+    }
+}
+
+impl Solved {
+    /// One step of the flow with the beads in it, which then move. Collective.
+    fn advance_beads(&mut self, dt: f64) -> Result<StepReport, ProgramError> {
+        let fluid = &mut self.fluid;
+        if let Some(beads) = &mut self.beads {
+            let field = self.phase.as_ref().map(|phase| &phase.field);
+            beads.hold(fluid, field, dt)?;
+        }
+        let report = fluid.advance(dt)?;
+        if let Some(beads) = &mut self.beads {
+            beads.follow(fluid, dt);
+        }
+        self.place_beads();
+        Ok(report)
+    }
+
+    /// Profiles of the beads where they are. Collective.
+    pub fn place_beads(&mut self) {
+        if let Some(beads) = &mut self.beads {
+            let field = self.phase.as_mut().map(|phase| &mut phase.field);
+            beads.place(&self.fluid, field);
+        }
     }
 }
 
@@ -278,13 +354,26 @@ fn solved(
     check_step(case, document, &solver)?;
     let forces = body_force(&fluid.forces, document, mesh)?;
     solver.body_force_mut()[..forces.len()].copy_from_slice(&forces);
+    let phase = (case.phase.as_ref())
+        .map(|phase| Phase::new(phase, &solver, &forces))
+        .transpose()?;
     let given = given_velocity(mesh, &solver.settings().boundary);
     let exchange = Exchange::new(case, fluid, inertia.inertia, mesh, given, forces)?;
-    Ok(Solved {
+    let beads = (case.beads.as_ref())
+        .map(|given| beads(given, case.phase.as_ref(), &solver))
+        .transpose()?;
+    let mut solved = Solved {
         exchange,
+        phase,
+        beads,
         fluid: solver,
         inertia,
-    })
+    };
+    solved.place_beads();
+    if let (Some(beads), Some(phase)) = (&solved.beads, &mut solved.phase) {
+        beads.wet(&solved.fluid, &mut phase.field)?;
+    }
+    Ok(solved)
 }
 
 /// A constant step that explicit diffusion cannot bear blows up at once.

@@ -1,5 +1,6 @@
 //! What a case describes, ready to be advanced: flow, fibres, coupling.
 
+mod beads;
 mod boundary;
 mod contacts;
 mod csv;
@@ -14,6 +15,7 @@ mod inertia;
 mod initial;
 mod linked;
 mod mesh;
+mod phase;
 mod pipe;
 mod polyline;
 mod population;
@@ -27,6 +29,7 @@ pub use fibres::{kinematics, length as length_of};
 pub use flow::{Flow, Solved};
 pub use linked::settings as linked_settings;
 pub use mesh::{SceneMesh, build as build_mesh};
+pub use phase::Phase;
 pub use population::PlacementReport;
 pub use together::{Rounds, Together};
 

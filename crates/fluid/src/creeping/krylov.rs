@@ -4,8 +4,8 @@ use crate::rows;
 use fibreflow_parallel::{Communicator, block_sums};
 use fibreflow_solve::SolveError;
 
-/// Directions kept. A solve that takes fewer iterations is the full method.
-const KEPT: usize = 24;
+/// Largest number of directions kept.
+const MOST: usize = 96;
 
 /// Directions handled in one pass over the fields.
 const BATCH: usize = 4;
@@ -25,6 +25,8 @@ pub(super) struct Krylov {
 pub(super) struct Target {
     pub residual: f64,
     pub max_iterations: usize,
+    /// Directions kept. A solve that takes fewer iterations is the full method.
+    pub kept: usize,
 }
 
 impl Krylov {
@@ -44,6 +46,7 @@ impl Krylov {
         rows::each(&mut self.scaled, |i, s| {
             *s = std::array::from_fn(|c| weights[i][c] * residual[i][c]);
         });
+        let most = target.kept.min(MOST);
         let initial = norm(&self.scaled, communicator);
         let mut left = initial;
         let mut iterations = 0;
@@ -56,14 +59,14 @@ impl Krylov {
                     initial_residual: initial,
                 });
             }
-            let slot = iterations % KEPT;
+            let slot = iterations % most;
             if slot == self.directions.len() {
                 let room = (vec![[0.0; 4]; x.len()], vec![[0.0; 4]; owned]);
                 self.directions.push(room);
             }
             let (mut z, mut q) = std::mem::take(&mut self.directions[slot]);
-            let kept = iterations.min(KEPT);
-            let mut list = [0; KEPT];
+            let kept = iterations.min(most);
+            let mut list = [0; MOST];
             let others = (0..kept).filter(|k| *k != slot);
             let count = list.iter_mut().zip(others).map(|(l, k)| *l = k).count();
             precondition(residual, &mut z)?;

@@ -13,11 +13,13 @@
 //! Where a uniform flow meets no resistance (periodic boxes) the net force is balanced by a uniform pressure gradient and
 //! the mean velocity is held.
 
+mod bodies;
 mod krylov;
 mod precondition;
 mod step;
 mod system;
 
+pub use bodies::{BodyLink, BodyMotion, BodyPart, BodyState};
 pub use step::CreepingStep;
 
 use crate::boundary::Boundary;
@@ -32,6 +34,10 @@ use system::{Data, System};
 
 /// Attempts to bring both residuals below their targets; the second already starts near them.
 const ATTEMPTS: usize = 4;
+
+/// Directions kept by the Krylov method, and with bodies in the flow: they are strong and local, and with fewer it stalls.
+const KEPT: usize = 24;
+const KEPT_WITH_BODIES: usize = 96;
 
 /// What creeping flow needs besides the fluid.
 pub(crate) struct Creeping {
@@ -167,6 +173,7 @@ impl Fluid {
         };
         // What the data ask for: the residual of a flow at rest but for its boundaries.
         self.put_rest(rest, given);
+        self.level(rest, held, mean);
         system.residual(operators, boundary, data, rest, residual);
         self.balance(residual, held);
         let [asked, asked_flux, _, terms] = sizes(system, rest, residual);
@@ -210,9 +217,18 @@ impl Fluid {
             let target = Target {
                 residual: goal * scale,
                 max_iterations: self.settings.pressure.max_iterations,
+                kept: if system.bodies.is_some() {
+                    KEPT_WITH_BODIES
+                } else {
+                    KEPT
+                },
             };
             let operator = |z: &mut [[f64; 4]], q: &mut [[f64; 4]]| {
                 system.apply(operators, boundary, rate, z, q);
+                if system.bodies.is_some() {
+                    // Bodies of given motion resist a uniform flow.
+                    self.balance(q, held);
+                }
             };
             let precondition = |r: &[[f64; 4]], z: &mut [[f64; 4]]| {
                 preconditioner.apply(operators, boundary, scales, r, z)?;

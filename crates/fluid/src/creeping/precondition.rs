@@ -5,13 +5,11 @@
 //! (Cahouet & Chabert 1988): M the dual volumes, L the compact Poisson operator, s the rate of the time step.
 
 use crate::boundary::Boundary;
+use crate::inverse::Inverse;
 use crate::operators::Operators;
-use crate::poisson::DEAREST_DIRECT;
 use crate::rows::{self, nothing};
 use fibreflow_mesh::LocalMesh;
-use fibreflow_solve::{
-    Amg, AmgSettings, CgSettings, ConjugateGradients, Direct, NullSpace, PairMatrix, SolveError,
-};
+use fibreflow_solve::{CgSettings, ConjugateGradients, SolveError};
 
 /// Residual reduction of the inner solves.
 const INNER: CgSettings = CgSettings {
@@ -19,72 +17,6 @@ const INNER: CgSettings = CgSettings {
     absolute_tolerance: 0.0,
     max_iterations: 200,
 };
-
-/// How m V − V L is inverted.
-enum Inverse {
-    Direct(Box<Direct>),
-    Multigrid(Box<Multigrid>),
-}
-
-struct Multigrid {
-    matrix: PairMatrix,
-    cycle: Amg,
-    null_space: NullSpace,
-}
-
-impl Inverse {
-    /// Directly where the mesh allows it, the nodes of given values are whole sides and it takes few operations. Collective.
-    fn new(
-        mesh: &LocalMesh,
-        operators: &Operators,
-        fixed: &[bool],
-        mass: f64,
-        directly: bool,
-    ) -> Result<Self, SolveError> {
-        if let Some(tensor) = operators.geometry.tensor.as_ref().filter(|_| directly)
-            && let Some(ends) = Direct::fixed_ends(&mesh.halo, &tensor.grid, fixed)
-            && Direct::estimate(&tensor.lines, ends) <= DEAREST_DIRECT * mesh.total_nodes as f64
-        {
-            let direct = Direct::new(&mesh.halo, &tensor.grid, &tensor.lines, ends, mass)?;
-            return Ok(Self::Direct(Box::new(direct)));
-        }
-        let shift: Vec<f64> = operators.volumes().iter().map(|v| mass * v).collect();
-        let shift = (mass > 0.0).then_some(&shift[..]);
-        let matrix = PairMatrix::new(mesh, &operators.geometry, fixed, shift)?;
-        let null_space = if matrix.is_singular() {
-            NullSpace::Constant
-        } else {
-            NullSpace::None
-        };
-        Ok(Self::Multigrid(Box::new(Multigrid {
-            cycle: Amg::new(&matrix, AmgSettings::default())?,
-            matrix,
-            null_space,
-        })))
-    }
-
-    /// x = A⁻¹ b, by multigrid to [`INNER`].
-    fn solve(
-        &mut self,
-        krylov: &mut ConjugateGradients<f64>,
-        rhs: &[f64],
-        x: &mut [f64],
-    ) -> Result<(), SolveError> {
-        match self {
-            Self::Direct(direct) => direct.solve(rhs, x),
-            Self::Multigrid(multigrid) => {
-                let Multigrid {
-                    matrix,
-                    cycle,
-                    null_space,
-                } = &mut **multigrid;
-                x.fill(0.0);
-                krylov.solve(matrix, cycle, rhs, x, &INNER, *null_space)?;
-            }
-        }
-        Ok(())
-    }
-}
 
 pub(super) struct BlockPreconditioner {
     /// Nodes whose velocity component is fixed, total, and which of `viscous` solves each component.
@@ -96,6 +28,8 @@ pub(super) struct BlockPreconditioner {
     poisson: Option<Inverse>,
     /// s that `viscous` was built for.
     rate: f64,
+    /// √(Σ κφ) of bodies by owned node \[s^(−½)\]; empty without.
+    pub resistance: Vec<f64>,
     /// Direct solves are wanted where they are possible.
     directly: bool,
     krylov: ConjugateGradients<f64>,
@@ -137,6 +71,7 @@ impl BlockPreconditioner {
             viscous: Vec::new(),
             poisson: None,
             rate: f64::NAN,
+            resistance: Vec::new(),
             directly,
             krylov: ConjugateGradients::new(),
             rhs: vec![0.0; mesh.owned()],
@@ -161,7 +96,7 @@ impl BlockPreconditioner {
             }
             self.rate = rate;
         }
-        if rate > 0.0 && self.poisson.is_none() {
+        if (rate > 0.0 || !self.resistance.is_empty()) && self.poisson.is_none() {
             let fixed = &boundary.pressure_fixed;
             let inverse = Inverse::new(mesh, operators, fixed, 0.0, self.directly)?;
             self.poisson = Some(inverse);
@@ -180,9 +115,15 @@ impl BlockPreconditioner {
     ) -> Result<(), SolveError> {
         let volumes = operators.volumes();
         for c in 0..3 {
+            // In two dimensions nothing happens across the plane.
+            let idle = r.iter().all(|r| r[c] == 0.0);
+            if !operators.communicator().any(!idle) {
+                rows::each(&mut z[..r.len()], |_, z| z[c] = 0.0);
+                continue;
+            }
             rows::each(&mut self.rhs, |i, rhs| *rhs = r[i][c] / viscosity);
             let inverse = &mut self.viscous[self.solver[c]];
-            inverse.solve(&mut self.krylov, &self.rhs, &mut self.answer)?;
+            inverse.solve(&mut self.krylov, &self.rhs, &mut self.answer, &INNER)?;
             let answer = &self.answer;
             rows::each(&mut z[..r.len()], |i, z| z[c] = answer[i]);
         }
@@ -199,10 +140,22 @@ impl BlockPreconditioner {
         rows::each(&mut z[..r.len()], |i, z| {
             z[3] = viscosity / volumes[i] * rhs[i]
         });
+        if !self.resistance.is_empty()
+            && let Some(inverse) = &mut self.poisson
+        {
+            // Inside a body the flow is that through a porous medium.
+            let root = &self.resistance;
+            let divergence = self.rhs.clone();
+            rows::each(&mut self.rhs, |i, rhs| *rhs *= root[i]);
+            inverse.solve(&mut self.krylov, &self.rhs, &mut self.answer, &INNER)?;
+            let answer = &self.answer;
+            rows::each(&mut z[..r.len()], |i, z| z[3] += root[i] * answer[i]);
+            self.rhs.copy_from_slice(&divergence);
+        }
         if rate > 0.0
             && let Some(inverse) = &mut self.poisson
         {
-            inverse.solve(&mut self.krylov, &self.rhs, &mut self.answer)?;
+            inverse.solve(&mut self.krylov, &self.rhs, &mut self.answer, &INNER)?;
             let answer = &self.answer;
             rows::each(&mut z[..r.len()], |i, z| z[3] += rate * answer[i]);
         }

@@ -158,6 +158,9 @@ impl Fluid {
                 source[c] = volumes[i] * (f + rate * start[i][c]);
             }
         });
+        if let Some(bodies) = &creeping.system.bodies {
+            bodies.push(&mut creeping.source);
+        }
         self.boundary.move_to(self.time + passed);
         self.boundary.pulse_to(self.time + passed);
         self.boundary.balance()?;

@@ -1,5 +1,6 @@
 //! The stabilised Stokes operator on (u, p), four numbers a node.
 
+use super::bodies::Bodies;
 use crate::FluidError;
 use crate::boundary::{Boundary, Through};
 use crate::operators::Operators;
@@ -26,6 +27,8 @@ pub(super) struct System {
     /// Diagonal of T by node \[s\], total.
     tau: Vec<[f64; 4]>,
     pub viscosity: f64,
+    /// Rigid bodies, if there are any.
+    pub bodies: Option<Bodies>,
     /// Σ_j |S_ij| by owned node \[m²\].
     areas: Vec<f64>,
     /// Total: p, and u + T G p.
@@ -72,6 +75,7 @@ impl System {
             fitted: f64::NAN,
             tau: vec![[0.0; 4]; total],
             viscosity,
+            bodies: None,
             areas: (0..owned).map(area).collect(),
             pressure: vec![0.0; total],
             carried: vec![[0.0; 4]; total],
@@ -146,6 +150,9 @@ impl System {
                 out[3] = divergence + stabilised[i];
             },
         );
+        if let Some(bodies) = &mut self.bodies {
+            bodies.resist(x, out, operators.communicator());
+        }
     }
 
     /// The operator on corrections that keep to their constraints.
