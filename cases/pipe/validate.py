@@ -1,6 +1,6 @@
 """Turbulent pipe at Re_b 5300 (F7) beside El Khoury et al. (2013): .venv/bin/python cases/pipe/validate.py
 
-    --members coarse default fine: 32 × (10, 11), 96 × (20, 20), 128 × (24, 24) cells along, in the core, in layers
+    --members coarse medium default fine: 32 × (10, 11), 64 × (14, 15), 96 × (20, 20), 128 × (24, 24) cells along, in the core, in layers
 
 Averaged from 120 R/U_b. A member that was begun goes on from its last checkpoint. Writes members.csv, profiles-NAME.csv in wall units of
 the measured friction, pipe.png.
@@ -21,7 +21,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 HERE = pathlib.Path(__file__).resolve().parent
-MEMBERS = {"coarse": (32, 10, 11), "default": (96, 20, 20), "fine": (128, 24, 24)}
+MEMBERS = {"coarse": (32, 10, 11), "medium": (64, 14, 15), "default": (96, 20, 20), "fine": (128, 24, 24)}
 NU = 2 / 5300
 DNS = pd.read_csv(HERE / "reference" / "elkhoury2013_retau180.csv").sort_values("y_plus")
 RMS = {"u": ("uu", "uz_rms_plus"), "v": ("vv", "ur_rms_plus"), "w": ("ww", "ut_rms_plus")}

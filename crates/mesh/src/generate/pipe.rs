@@ -6,7 +6,8 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, SQRT_2};
 
 /// A circular pipe along x.
 ///
-/// Every section has `core`² cells in the middle and `layers` rings of 4 `core` cells around them. Radial lines are straight, so
+/// Every section has `core`² cells in the middle and `layers` rings of 4 `core` cells around them,
+/// of which those in the outer half of the thickness are circles. Radial lines are straight, so
 /// that cells on the wall are orthogonal; nodes lie on the circle, so the volume is that of a prism of 4 `core` sides:
 /// L · 2N R² sin(π/2N).
 #[derive(Clone, Debug, PartialEq)]
@@ -176,13 +177,16 @@ impl PipeMesh {
                         .into(),
             });
         }
+        let core = self.core_radius * self.radius;
         for &s in &rings[1..] {
             for k in 0..4 * self.core {
                 let (angle, inner) = self.side(k);
+                let circle = core + s * (self.radius - core);
+                let left = (1.0 - 2.0 * s).max(0.0);
                 let r = if s == 1.0 {
                     self.radius
                 } else {
-                    inner + s * (self.radius - inner)
+                    circle + left * left * (inner - core)
                 };
                 nodes.push([r * angle.cos(), r * angle.sin()]);
             }
