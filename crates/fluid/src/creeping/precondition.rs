@@ -28,6 +28,8 @@ pub(super) struct BlockPreconditioner {
     poisson: Option<Inverse>,
     /// s that `viscous` was built for.
     rate: f64,
+    /// The mesh is one element thick.
+    flat: bool,
     /// √(Σ κφ) of bodies by owned node \[s^(−½)\]; empty without.
     pub resistance: Vec<f64>,
     /// Direct solves are wanted where they are possible.
@@ -71,6 +73,7 @@ impl BlockPreconditioner {
             viscous: Vec::new(),
             poisson: None,
             rate: f64::NAN,
+            flat: is_flat(mesh),
             resistance: Vec::new(),
             directly,
             krylov: ConjugateGradients::new(),
@@ -104,6 +107,20 @@ impl BlockPreconditioner {
         Ok(())
     }
 
+    /// Which components of momentum have a residual: across the plane of a two-dimensional flow nothing happens. One element thick
+    /// meshes only are asked. Collective.
+    fn busy(&self, operators: &Operators, r: &[[f64; 4]]) -> [bool; 3] {
+        if !self.flat {
+            return [true; 3];
+        }
+        let mut counts = [0.0; 3];
+        for r in r {
+            (0..3).for_each(|c| counts[c] += f64::from(u8::from(r[c] != 0.0)));
+        }
+        operators.communicator().sum_slice(&mut counts);
+        counts.map(|n| n > 0.0)
+    }
+
     /// z from r; the halo of z is not set.
     pub fn apply(
         &mut self,
@@ -114,10 +131,9 @@ impl BlockPreconditioner {
         z: &mut [[f64; 4]],
     ) -> Result<(), SolveError> {
         let volumes = operators.volumes();
+        let busy = self.busy(operators, r);
         for c in 0..3 {
-            // In two dimensions nothing happens across the plane.
-            let idle = r.iter().all(|r| r[c] == 0.0);
-            if !operators.communicator().any(!idle) {
+            if !busy[c] {
                 rows::each(&mut z[..r.len()], |_, z| z[c] = 0.0);
                 continue;
             }
@@ -161,4 +177,16 @@ impl BlockPreconditioner {
         }
         Ok(())
     }
+}
+
+/// All nodes have the same x, y or z. Collective.
+fn is_flat(mesh: &LocalMesh) -> bool {
+    let communicator = mesh.halo.communicator();
+    let extent = |c: usize| {
+        let owned = mesh.nodes[..mesh.owned()].iter().map(|x| x[c]);
+        let low = owned.clone().fold(f64::INFINITY, f64::min);
+        let high = owned.fold(f64::NEG_INFINITY, f64::max);
+        communicator.max(high) - communicator.min(low)
+    };
+    [extent(0), extent(1), extent(2)].contains(&0.0)
 }
