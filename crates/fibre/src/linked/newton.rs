@@ -86,7 +86,7 @@ fn correct(
             })
             .collect();
         let curvature = dot(&direction, &answer);
-        if !(curvature > 0.0) {
+        if curvature.is_nan() || curvature <= 0.0 {
             break;
         }
         let length = rho / curvature;
