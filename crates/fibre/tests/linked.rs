@@ -288,7 +288,7 @@ fn threads_do_not_change_the_bits() {
         let run = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
             pool.expect("threads").install(|| {
-                let mut system = system(in_box(scheme), crowd(150, 120.0, 6));
+                let mut system = system(in_box(scheme), crowd(110, 120.0, 6));
                 for _ in 0..10 {
                     system.advance(&shear, step).expect("a step");
                 }

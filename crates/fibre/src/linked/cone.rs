@@ -4,12 +4,13 @@
 //! Locally a contact has the directions d₀ = −n, d₁, d₂; with the force Σ f_k d_k on a and its opposite on b, the conjugate
 //! velocities w_k = d_k·Δu are G f + w_free, and w₀ is the rate at which the gap opens. G couples the contacts of a fibre.
 
+use super::newton;
 use super::touch::across;
 use crate::{Matrix3, Vector3};
 use nalgebra::{Matrix2, Vector2};
 
 /// Relative change of the forces in a sweep at which they are found; the next step starts from them.
-const TOLERANCE: f64 = 1e-4;
+pub(super) const TOLERANCE: f64 = 1e-4;
 /// The same in the turns within a contact.
 const LOCAL: f64 = 1e-9;
 /// Least answer of a contact to its own repulsion, by the sum of its answers.
@@ -76,7 +77,7 @@ pub(super) struct Coupling {
 
 impl Coupling {
     /// Sum over other contacts, and the contact's own block.
-    fn row(&self, c: usize, contacts: &[Contact]) -> (Vector3, Matrix3) {
+    pub fn row(&self, c: usize, force: impl Fn(usize) -> Vector3) -> (Vector3, Matrix3) {
         let (mut moved, mut own) = (Vector3::zeros(), Matrix3::zeros());
         for (fibre, place) in self.place[c] {
             let sides = self.starts[fibre as usize]..self.starts[fibre as usize + 1];
@@ -85,7 +86,7 @@ impl Coupling {
                 if other as usize == c {
                     own += block;
                 } else {
-                    moved += block * contacts[other as usize].force;
+                    moved += block * force(other as usize);
                 }
             }
         }
@@ -93,35 +94,47 @@ impl Coupling {
     }
 }
 
-/// Sweeps until the forces no longer change; returns how many.
+/// Finds the forces; returns how many sweeps over the contacts that took.
 ///
-/// First with the static cone for all. Then what has reached the limit slides with the kinetic coefficient, until no more does.
+/// First as if whatever rubs sticks, by Newton's method: that is a smooth convex problem. What then exceeds the static limit
+/// slides; without kinetic friction the rest is solved for again until nothing more exceeds it, as in scheme A. With it, sweeps with
+/// the exact cone go on from there.
 pub(super) fn solve(contacts: &mut [Contact], coupling: &Coupling, law: &Law) -> usize {
+    let [at_rest, sliding] = law.friction;
+    let mut sweeps = 0;
+    loop {
+        sweeps += newton::stick(contacts, coupling, law);
+        let mut more = false;
+        for c in contacts.iter_mut().filter(|c| c.rubs && !c.slides) {
+            c.slides = c.force.y.hypot(c.force.z) > at_rest * c.force.x;
+            more |= c.slides;
+        }
+        if !more {
+            return sweeps;
+        }
+        if sliding > 0.0 {
+            contacts.iter_mut().for_each(|c| c.slides = false);
+            return sweeps + in_cones(contacts, coupling, law);
+        }
+    }
+}
+
+/// Sweeps with the exact cone until the forces no longer change: first with the static one for all. Then what has reached the limit
+/// slides with the kinetic coefficient, until no more does.
+fn in_cones(contacts: &mut [Contact], coupling: &Coupling, law: &Law) -> usize {
     let [at_rest, sliding] = law.friction;
     let mut sweeps = 0;
     loop {
         for _ in 0..MOST {
             sweeps += 1;
-            let (mut change, mut size) = (0.0, 0.0);
-            for c in 0..contacts.len() {
-                let (moved, own) = coupling.row(c, contacts);
-                let contact = &contacts[c];
-                let limit = match (contact.rubs, contact.slides) {
-                    (false, _) => 0.0,
-                    (true, false) => at_rest,
-                    (true, true) => sliding,
-                };
-                let force = local(contact, &(contact.free + moved), &own, limit, law);
-                change += (force - contact.force).norm_squared();
-                size += force.norm_squared();
-                contacts[c].force = force;
-            }
-            if change <= TOLERANCE * TOLERANCE * size {
+            let limit = |c: &Contact| match (c.rubs, c.slides) {
+                (false, _) => 0.0,
+                (true, false) => at_rest,
+                (true, true) => sliding,
+            };
+            if sweep(contacts, coupling, law, limit) <= TOLERANCE {
                 break;
             }
-        }
-        if at_rest == sliding {
-            break;
         }
         let mut more = false;
         for c in contacts.iter_mut().filter(|c| c.rubs && !c.slides) {
@@ -129,17 +142,30 @@ pub(super) fn solve(contacts: &mut [Contact], coupling: &Coupling, law: &Law) ->
             c.slides = tangential >= at_rest * c.force.x * (1.0 - 1e-9);
             more |= c.slides;
         }
-        if !more {
-            break;
+        if !more || at_rest == sliding {
+            return sweeps;
         }
     }
-    if at_rest == sliding {
-        for c in contacts.iter_mut().filter(|c| c.rubs) {
-            let tangential = c.force.y.hypot(c.force.z);
-            c.slides = tangential >= at_rest * c.force.x * (1.0 - 1e-9);
-        }
+}
+
+/// One sweep over the contacts with the coefficient that each has; the relative change of the forces.
+pub(super) fn sweep(
+    contacts: &mut [Contact],
+    coupling: &Coupling,
+    law: &Law,
+    friction: impl Fn(&Contact) -> f64,
+) -> f64 {
+    let (mut change, mut size) = (0.0, 0.0);
+    for c in 0..contacts.len() {
+        let (moved, own) = coupling.row(c, |other| contacts[other].force);
+        let contact = &contacts[c];
+        let free = contact.free + moved;
+        let force = local(contact, &free, &own, friction(contact), law);
+        change += (force - contact.force).norm_squared();
+        size += force.norm_squared();
+        contacts[c].force = force;
     }
-    sweeps
+    (change / size.max(f64::MIN_POSITIVE)).sqrt()
 }
 
 /// Force of one contact whose velocities are `others` + `own` f. Where it sticks, repulsion and friction are found together;
@@ -188,6 +214,10 @@ fn local(contact: &Contact, others: &Vector3, own: &Matrix3, friction: f64, law:
 
 /// The force of at most `limit` against a velocity `slip` + G f: the point of the disc that the velocity is opposed to.
 fn sliding(slip: &Vector2<f64>, plane: &Matrix2<f64>, limit: f64, least: f64) -> Vector2<f64> {
+    // What opens widely has no repulsion left.
+    if limit.partial_cmp(&f64::MIN_POSITIVE) != Some(std::cmp::Ordering::Greater) {
+        return Vector2::zeros();
+    }
     let eigen = plane.symmetric_eigen();
     let slip = eigen.eigenvectors.tr_mul(slip);
     // Σ (slip_k/(g_k + s))² = limit² has one root s ≥ 0 where sticking takes more; |velocity| = s · limit.
@@ -276,17 +306,18 @@ mod tests {
     #[test]
     fn friction_lies_in_the_cone() {
         let own = Matrix3::new(2.0, 0.3, -0.2, 0.3, 1.5, 0.4, -0.2, 0.4, 0.6);
-        for (speed, sticks) in [(0.2, true), (8.0, false), (300.0, false)] {
+        for (speed, friction, sticks) in [(0.2, 2.0, true), (8.0, 0.7, false), (300.0, 0.7, false)]
+        {
             let others = Vector3::new(-6.0, 0.6 * speed, -0.8 * speed);
             let mut c = contact(0.05);
             for _ in 0..300 {
-                c.force = local(&c, &others, &own, 0.7, &law());
+                c.force = local(&c, &others, &own, friction, &law());
             }
             let w = others + own * c.force;
             let normal = 150.0 * (-(0.05 + 1e-2 * w.x) / 0.05).exp();
             assert!((c.force.x / normal - 1.0).abs() < 1e-9);
             let (slip, held) = (Vector2::new(w.y, w.z), Vector2::new(c.force.y, c.force.z));
-            let limit = 0.7 * c.force.x;
+            let limit = friction * c.force.x;
             if sticks {
                 assert!(slip.norm() < 1e-9 && held.norm() < limit);
             } else {

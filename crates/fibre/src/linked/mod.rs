@@ -12,6 +12,7 @@ mod groups;
 mod implicit;
 mod joints;
 mod mobility;
+mod newton;
 mod observe;
 mod state;
 mod step;

@@ -113,7 +113,8 @@ impl LinkedSystem {
                 false => (side(&pair[0], 1.0) - side(&pair[1], -1.0)).norm() / chain.radius,
             }
         });
-        let larger = |a: f64, b: f64| if b <= a { a } else { b };
+        // What is not a number stays.
+        let larger = |a: f64, b: f64| if b <= a || a.is_nan() { a } else { b };
         let drift = parted.fold(0.0, larger);
         self.implicit.work = work;
         drift
