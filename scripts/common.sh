@@ -84,12 +84,21 @@ build_example() {
     (cd "$root" && cargo build --release --locked -q "$@" --example "$name")
 }
 
-# Runs a program on so many ranks, one thread each; without MPI on one rank with all threads.
+# Ranks for a case file where so many are there: linked fibres run on one, with threads.
+ranks_for() {
+    if grep -q 'kinematics = "linked"' "$1"; then echo 1; else echo "$2"; fi
+}
+
+# Runs a program on so many ranks, one thread each; on one rank, and without MPI, with all threads.
 on_ranks() {
     local ranks=$1
     shift
     if [ "$embedded" = 1 ]; then
         RAYON_NUM_THREADS=$ranks "$@"
+        return
+    fi
+    if [ "$ranks" = 1 ]; then
+        RAYON_NUM_THREADS=$(nproc) "$@"
         return
     fi
     # Time for a last checkpoint when the job is told to stop.
