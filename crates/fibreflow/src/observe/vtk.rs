@@ -232,17 +232,35 @@ fn fibre_piece(fibres: &FibreSystem, periods: &Periods) -> Piece {
 }
 
 /// One polyline a fibre through ends and joints, shifted as a whole so that its middle lies in the first period. Joint forces
-/// act on the segment before the node.
+/// act on the segment before the node; the curvature of a joint is the angle of its segments by their length, ends show their neighbour's.
 fn linked_piece(fibres: &LinkedSystem, periods: &Periods) -> Piece {
     let mut points = Vec::with_capacity(fibres.nodes().len());
     let (mut radius, mut forces) = (Vec::new(), Vec::new());
+    let (mut velocity, mut curvature) = (Vec::new(), Vec::new());
     let (mut offsets, mut ids) = (Vec::new(), Vec::new());
     for fibre in 0..fibres.fibres() {
         let segments = fibres.offsets()[fibre]..fibres.offsets()[fibre + 1];
         let shift = home_shift(fibres.centre(fibre).into(), periods);
-        for x in &fibres.nodes()[segments.start + fibre..=segments.end + fibre] {
+        let nodes = &fibres.nodes()[segments.start + fibre..=segments.end + fibre];
+        for x in nodes {
             points.push(std::array::from_fn(|c| x[c] - shift[c]));
         }
+        let half = |k: usize| (nodes[k + 1] - nodes[k]) * 0.5;
+        for (k, segment) in segments.clone().enumerate() {
+            let [v, spin] = fibres.motion(segment);
+            velocity.push(<[f64; 3]>::from(v - spin.cross(&half(k))));
+            if segment + 1 == segments.end {
+                velocity.push((v + spin.cross(&half(k))).into());
+            }
+        }
+        let last = nodes.len() - 1;
+        curvature.extend((0..=last).map(|k| match k.clamp(1, last.max(2) - 1) {
+            joint if joint < last => {
+                let (a, b) = (half(joint - 1), half(joint));
+                a.angle(&b) / (a.norm() + b.norm())
+            }
+            _ => 0.0,
+        }));
         radius.resize(points.len(), fibres.radius(fibre));
         forces.extend(segments.map(|s| <[f64; 3]>::from(fibres.joint_force(s))));
         forces.push([0.0; 3]);
@@ -257,6 +275,8 @@ fn linked_piece(fibres: &LinkedSystem, periods: &Periods) -> Piece {
         points,
         point_data: vec![
             Array::scalar("radius", radius),
+            Array::vector("velocity", velocity),
+            Array::scalar("curvature", curvature),
             Array::vector("joint_force", forces),
         ],
         cell_data: vec![Array::integer("fibre", ids)],
