@@ -3,6 +3,8 @@
 //! F* = ½(u_i* + u_j*)·S_ij,  Σ_j w_ij (ψ_j − ψ_i) = Σ_j F*_ij + F_b,  ψ = Δt (p^(n+½) − p^(n−½)),
 //! F = F* − w (ψ_j − ψ_i),  u = u* − P G ψ.
 //!
+//! On meshes of the Galerkin form F is integrated over the elements instead, with the same sums (`operators/elements.rs`).
+//!
 //! The projection is approximate: D u keeps (L − DG)ψ. Left alone, that residue runs as slow waves between the velocity
 //! and short-wave pressure (frequency √g a step and damping g/2, for the eigenvalue g of L⁻¹DG). So
 //! `cleaning_cycles` short-wave inverses M⁻¹ of the rest r of the nodal divergence follow, u −= P G M⁻¹ r and

@@ -8,7 +8,8 @@
 //! | Laplacian | V_i L u_i = Σ_j w_ij (u_j − u_i) |
 //! | lumping error | (V − M)u_i = Σ_j m_ij (u_i − u_j) |
 //!
-//! Pair fluxes are antisymmetric bitwise, so that what leaves one volume enters the other.
+//! Pair fluxes are antisymmetric bitwise, so that what leaves one volume enters the other. Those that convect on meshes of
+//! the Galerkin form are integrals over the elements ([`elements`]) with the same sums.
 //!
 //! The time scheme reaches pairs only through these methods. Each is one pass over the nodes that hands its sums to
 //! `finish(i, …, &mut a[i], &mut b[i])`, which writes what the scheme needs of them: no sum is stored to be read again.
