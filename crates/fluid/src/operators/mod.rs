@@ -249,6 +249,14 @@ impl Operators {
         });
     }
 
+    /// One row of [`Operators::lumping_error`]: V (u − ũ) with ũ = V⁻¹ M u; `x` is valid.
+    pub fn lumping_row(&self, x: &[[f64; 4]], i: usize) -> [f64; 4] {
+        match &self.form {
+            Form::Rows(pairs) => pairs.lumping_row(x, i),
+            Form::Lines(_) => [0.0; 4],
+        }
+    }
+
     /// Σ_j F*_ij of the interpolated fluxes ½(u_i + u_j)·S_ij \[m³/s\], handed to `finish(i, ·, a_i, b_i)`. Returns
     /// Σ_i (Σ_j |F*_ij|)² over the owned rows: what round-off is measured against.
     pub fn divergence<A: Send, B: Send>(

@@ -124,17 +124,23 @@ impl Pairs {
     ) {
         let mut none = nothing(out.len());
         self.each(part, (out, &mut none), |i, out, ()| {
-            let range = self.geometry.row(i);
-            let masses = &self.geometry.masses[range.clone()];
-            let own = x[i];
-            let mut sum = [0.0; 4];
-            for (&j, m) in self.geometry.columns[range].iter().zip(masses) {
-                let (other, m) = (x[j as usize], f64::from(*m));
-                (0..4).for_each(|c| sum[c] += m * (own[c] - other[c]));
-            }
-            finish(i, own, sum, out);
+            finish(i, x[i], self.lumping_row(x, i), out);
             0.0
         });
+    }
+
+    /// See [`super::Operators::lumping_row`].
+    pub fn lumping_row(&self, x: &[[f64; 4]], i: usize) -> [f64; 4] {
+        let range = self.geometry.row(i);
+        // Two-point pairs have no masses.
+        let masses = self.geometry.masses.get(range.clone()).unwrap_or(&[]);
+        let own = x[i];
+        let mut sum = [0.0; 4];
+        for (&j, m) in self.geometry.columns[range].iter().zip(masses) {
+            let (other, m) = (x[j as usize], f64::from(*m));
+            (0..4).for_each(|c| sum[c] += m * (own[c] - other[c]));
+        }
+        sum
     }
 
     /// See [`super::Operators::divergence`].

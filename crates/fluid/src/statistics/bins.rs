@@ -1,18 +1,18 @@
 //! Which nodes are averaged together, and along which directions velocities are taken there.
 
 use super::Averaging;
+use crate::Fluid;
 use crate::settings::dot;
-use crate::{Fluid, FluidError};
 use fibreflow_mesh::LocalMesh;
 use fibreflow_parallel::Communicator;
 
 /// Positions closer than this share of the extent are one.
 const SAME: f64 = 1e-6;
 
-/// Distinct positions beyond which averages mean nothing: the mesh has no planes or rings.
-const MOST: usize = 1 << 16;
+/// Most distinct positions; those of meshes with more are rounded to this many of equal distance.
+const MOST: usize = 1 << 12;
 
-/// Rings with fewer nodes than this share of the fullest one are joined with the next.
+/// Rings, and bins of meshes without planes, with fewer nodes than this share of the fullest one are joined with the next.
 const FULL: f64 = 0.25;
 
 /// Nodes in planes or rings.
@@ -77,7 +77,7 @@ fn around(axis: usize, centre: [f64; 3], x: [f64; 3]) -> [[f64; 3]; 3] {
 
 impl Bins {
     /// Collective; the same bins on every rank.
-    pub fn new(fluid: &Fluid, averaging: &Averaging) -> Result<Self, FluidError> {
+    pub fn new(fluid: &Fluid, averaging: &Averaging) -> Self {
         let mesh = fluid.mesh();
         let communicator = mesh.halo.communicator();
         let (low, high) = bounds(mesh);
@@ -97,7 +97,7 @@ impl Bins {
             .map(|&x| position(x))
             .collect();
         let widest = (0..3).map(|c| high[c] - low[c]).fold(0.0, f64::max);
-        let starts = starts(&owned, SAME * widest, rings, communicator)?;
+        let starts = starts(&owned, SAME * widest, rings, communicator);
         let of: Vec<u32> = owned
             .iter()
             .map(|&p| starts.partition_point(|&s| s <= p).saturating_sub(1) as u32)
@@ -111,7 +111,7 @@ impl Bins {
         communicator.sum_slice(&mut sums);
         let (volumes, weighted) = sums.split_at(count);
         let largest = communicator.max(owned.iter().copied().fold(f64::NEG_INFINITY, f64::max));
-        Ok(Self {
+        Self {
             positions: weighted.iter().zip(volumes).map(|(w, v)| w / v).collect(),
             volumes: volumes.to_vec(),
             extent: match frame {
@@ -122,7 +122,7 @@ impl Bins {
             },
             of,
             frame,
-        })
+        }
     }
 
     pub fn len(&self) -> usize {
@@ -171,42 +171,43 @@ fn bounds(mesh: &LocalMesh) -> ([f64; 3], [f64; 3]) {
 }
 
 /// Where bins start, ascending. Collective; does not depend on the ranks.
-fn starts(
-    positions: &[f64],
-    tolerance: f64,
-    join: bool,
-    communicator: &Communicator,
-) -> Result<Vec<f64>, FluidError> {
+fn starts(positions: &[f64], tolerance: f64, join: bool, communicator: &Communicator) -> Vec<f64> {
     let mut sorted: Vec<[f64; 2]> = positions.iter().map(|&p| [p, 1.0]).collect();
-    let local = groups(&mut sorted, tolerance);
-    let too_many = |found: bool| {
-        let problem = format!(
-            "the mesh has more than {MOST} distinct positions across the planes or rings: averages need a mesh that is \
-             regular along the directions in which the flow is homogeneous"
-        );
-        if found {
-            Err(FluidError::Statistics { problem })
-        } else {
-            Ok(())
-        }
+    let mut local = groups(&mut sorted, tolerance);
+    let mut crowded = communicator.any(local.len() > MOST);
+    if !crowded {
+        let mut all = communicator.all_gather(&local).concat();
+        local = groups(&mut all, tolerance);
+        crowded = local.len() > MOST;
+    }
+    let all = if crowded {
+        rounded(positions, communicator)
+    } else {
+        local
     };
-    too_many(communicator.any(local.len() > MOST))?;
-    let mut all = communicator.all_gather(&local).concat();
-    let all = groups(&mut all, tolerance);
-    too_many(all.len() > MOST)?;
+    let join = join || crowded;
     // A node lies above the start of its bin by less than the tolerance.
     let start = |p: f64| p - 2.0 * tolerance;
     if !join {
-        return Ok(all.iter().map(|g| start(g[0])).collect());
+        return all.iter().map(|g| start(g[0])).collect();
     }
     let least = FULL * all.iter().map(|g| g[1]).fold(0.0, f64::max);
     let mut starts = Vec::new();
     // From the wall inwards, so that the sparse rings are those around the axis.
     let mut held = 0.0;
+    let mut lowest = f64::INFINITY;
     for group in all.iter().rev() {
+        // A plane or ring that is full stays alone; what lies just outside joins those further out.
+        if group[1] >= least
+            && held > 0.0
+            && let Some(outer) = starts.last_mut()
+        {
+            (*outer, held) = (lowest, 0.0);
+        }
         held += group[1];
+        lowest = start(group[0]);
         if held >= least {
-            starts.push(start(group[0]));
+            starts.push(lowest);
             held = 0.0;
         }
     }
@@ -217,7 +218,25 @@ fn starts(
         }
     }
     starts.reverse();
-    Ok(starts)
+    starts
+}
+
+/// [`groups`] of positions that are rounded down to [`MOST`] of equal distance, from all ranks. Collective.
+fn rounded(positions: &[f64], communicator: &Communicator) -> Vec<[f64; 2]> {
+    let least = communicator.min(positions.iter().copied().fold(f64::INFINITY, f64::min));
+    let most = communicator.max(positions.iter().copied().fold(f64::NEG_INFINITY, f64::max));
+    let step = (most - least) / (MOST - 1) as f64;
+    let mut counts = vec![0.0; MOST];
+    for p in positions {
+        // A hundredth of a step, so that round-off cannot part a plane.
+        counts[((p - least) / step + 0.01) as usize] += 1.0;
+    }
+    communicator.sum_slice(&mut counts);
+    let counts = counts.into_iter().enumerate();
+    counts
+        .filter(|&(_, count)| count > 0.0)
+        .map(|(k, count)| [least + (k as f64 - 0.01) * step, count])
+        .collect()
 }
 
 /// Lowest position and number of nodes of every group of positions without gaps above the tolerance.

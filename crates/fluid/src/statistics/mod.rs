@@ -103,7 +103,7 @@ impl Statistics {
     /// Nothing sampled yet. Collective.
     ///
     /// # Errors
-    /// [`FluidError::Statistics`] where the mesh has no planes, rings or lines of the kind that is asked for, and
+    /// [`FluidError::Statistics`] where nodes are not on the lines that spectra ask for, and
     /// [`FluidError::Setting`] for numbers out of range.
     pub fn new(fluid: &Fluid, settings: StatisticsSettings) -> Result<Self, FluidError> {
         if !(settings.block > 0.0 && settings.block.is_finite()) {
@@ -130,7 +130,7 @@ impl Statistics {
                 problem: problem.to_owned(),
             });
         }
-        let bins = Bins::new(fluid, &settings.averaging)?;
+        let bins = Bins::new(fluid, &settings.averaging);
         let lines = (settings.spectra.iter())
             .map(|&axis| Lines::new(fluid, &bins, axis))
             .collect::<Result<Vec<_>, _>>()?;
@@ -226,10 +226,12 @@ impl Statistics {
                 let (x, u) = (mesh.nodes[i], fluid.velocity[i]);
                 let laplacian = fluid.operators.diffusion_row(&fluid.velocity, i);
                 let laplacian = [0, 1, 2].map(|c| inverse[i] * laplacian[c]);
+                let lumping = fluid.operators.lumping_row(&fluid.velocity, i);
+                let smooth = [0, 1, 2].map(|c| u[c] - inverse[i] * lumping[c]);
                 moments::add(
                     &mut sums[bin * COUNT..(bin + 1) * COUNT],
                     weight * volumes[i] / bins.volumes[bin],
-                    bins.local(x, [u[0], u[1], u[2]]),
+                    [[u[0], u[1], u[2]], smooth].map(|u| bins.local(x, u)),
                     fluid.pressure[i],
                     bins.local(x, laplacian),
                 );

@@ -19,17 +19,26 @@ pub(super) mod slot {
     /// Discrete Laplacian of the velocity, and its product with u.
     pub const L: usize = 21;
     pub const UL: usize = 24;
+    /// ũ₁, ũ₂, ũ₃, and ½(u ũ + ũ u) in the order of [`UU`].
+    pub const SMOOTH: usize = 25;
+    pub const SMOOTH_UU: usize = 28;
     /// Length of the list.
-    pub const COUNT: usize = 25;
+    pub const COUNT: usize = 34;
 }
 
-use slot::{COUNT, CUBE, FLUX, FOURTH, L, P, PP, PU, U, UL, UU};
+use slot::{COUNT, CUBE, FLUX, FOURTH, L, P, PP, PU, SMOOTH, SMOOTH_UU, U, UL, UU};
 
 /// Pairs of components in the order of [`slot::UU`].
 pub(super) const PAIRS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
 
-/// Adds `weight` times the products of a node.
-pub(super) fn add(sums: &mut [f64], weight: f64, u: [f64; 3], p: f64, laplacian: [f64; 3]) {
+/// Adds `weight` times the products of a node; `smooth` is ũ = V⁻¹ M u with the mass matrix M of the elements.
+pub(super) fn add(
+    sums: &mut [f64],
+    weight: f64,
+    [u, smooth]: [[f64; 3]; 2],
+    p: f64,
+    laplacian: [f64; 3],
+) {
     let mut products = [0.0; COUNT];
     let square = u[0] * u[0] + u[1] * u[1] + u[2] * u[2];
     for c in 0..3 {
@@ -38,10 +47,12 @@ pub(super) fn add(sums: &mut [f64], weight: f64, u: [f64; 3], p: f64, laplacian:
         products[FOURTH + c] = u[c] * u[c] * u[c] * u[c];
         products[PU + c] = p * u[c];
         products[L + c] = laplacian[c];
+        products[SMOOTH + c] = smooth[c];
         products[UL] += u[c] * laplacian[c];
     }
     for (k, (a, b)) in PAIRS.into_iter().enumerate() {
         products[UU + k] = u[a] * u[b];
+        products[SMOOTH_UU + k] = 0.5 * (u[a] * smooth[b] + smooth[a] * u[b]);
     }
     products[FLUX] = square * u[1];
     products[P] = p;
@@ -58,7 +69,8 @@ pub(super) struct Central {
     pub mean: [f64; 3],
     /// ⟨p⟩/ρ.
     pub pressure: f64,
-    /// ⟨u'ᵢu'ⱼ⟩ in the order of [`slot::UU`].
+    /// ⟨u'ᵢu'ⱼ⟩ in the order of [`slot::UU`], averaged over the volume of the elements: a wave as long as two spacings has
+    /// a third of the square of its nodal values for each direction.
     pub stress: [f64; 6],
     /// ⟨p'²⟩/ρ².
     pub pressure_square: f64,
@@ -78,9 +90,14 @@ impl Central {
     /// From the means of a bin's products.
     pub fn new(m: &[f64]) -> Self {
         let u = [m[U], m[U + 1], m[U + 2]];
-        let stress: [f64; 6] = std::array::from_fn(|k| {
+        let nodal: [f64; 6] = std::array::from_fn(|k| {
             let (a, b) = PAIRS[k];
             m[UU + k] - u[a] * u[b]
+        });
+        let smooth = &m[SMOOTH..SMOOTH + 3];
+        let stress: [f64; 6] = std::array::from_fn(|k| {
+            let (a, b) = PAIRS[k];
+            m[SMOOTH_UU + k] - 0.5 * (u[a] * smooth[b] + smooth[a] * u[b])
         });
         let third = |c: usize| m[CUBE + c] - 3.0 * u[c] * m[UU + c] + 2.0 * u[c].powi(3);
         let fourth = |c: usize| {
@@ -89,15 +106,15 @@ impl Central {
         };
         // Where nothing fluctuates, moments by powers of the variance are round-off.
         let scaled = |value: f64, c: usize, power: f64| {
-            if stress[c] > 1e-12 * m[UU + c].max(f64::MIN_POSITIVE) {
-                value / stress[c].powf(power)
+            if nodal[c] > 1e-12 * m[UU + c].max(f64::MIN_POSITIVE) {
+                value / nodal[c].powf(power)
             } else {
                 0.0
             }
         };
         // ⟨u'ᵢu'ᵢu'₂⟩ = ⟨uᵢuᵢu₂⟩ − 2 Uᵢ⟨u'ᵢu'₂⟩ − U₂⟨u'ᵢu'ᵢ⟩ − UᵢUᵢU₂.
-        let with_second = [stress[3], stress[1], stress[5]];
-        let kinetic: f64 = (0..3).map(|c| stress[c]).sum();
+        let with_second = [nodal[3], nodal[1], nodal[5]];
+        let kinetic: f64 = (0..3).map(|c| nodal[c]).sum();
         let mean_square: f64 = u.iter().map(|v| v * v).sum();
         let carried: f64 = (0..3).map(|c| u[c] * with_second[c]).sum();
         let transport = m[FLUX] - 2.0 * carried - u[1] * (kinetic + mean_square);
@@ -128,26 +145,29 @@ mod tests {
     #[test]
     fn raw_moments_give_those_of_the_fluctuations() {
         let samples = [
-            ([18.2, 0.1, -0.3], 0.5, [1.0, 2.0, -1.0]),
-            ([17.1, -0.4, 0.2], -0.2, [0.3, -2.0, 0.5]),
-            ([19.5, 0.2, 0.6], 0.9, [-1.5, 0.2, 0.1]),
-            ([18.8, 0.3, -0.1], 0.1, [0.7, 0.9, -2.2]),
+            ([18.2, 0.1, -0.3], [18.0, 0.0, -0.1], 0.5, [1.0, 2.0, -1.0]),
+            ([17.1, -0.4, 0.2], [17.5, -0.2, 0.2], -0.2, [0.3, -2.0, 0.5]),
+            ([19.5, 0.2, 0.6], [19.1, 0.1, 0.4], 0.9, [-1.5, 0.2, 0.1]),
+            ([18.8, 0.3, -0.1], [18.6, 0.4, 0.0], 0.1, [0.7, 0.9, -2.2]),
         ];
         let mut sums = [0.0; COUNT];
-        for (u, p, l) in samples {
-            add(&mut sums, 0.25, u, p, l);
+        for (u, smooth, p, l) in samples {
+            add(&mut sums, 0.25, [u, smooth], p, l);
         }
         let central = Central::new(&sums);
         let mean = |f: &dyn Fn(usize) -> f64| (0..4).map(f).sum::<f64>() / 4.0;
         let u: [f64; 3] = [0, 1, 2].map(|c| mean(&|s| samples[s].0[c]));
-        let p = mean(&|s| samples[s].1);
-        let l: [f64; 3] = [0, 1, 2].map(|c| mean(&|s| samples[s].2[c]));
+        let smooth: [f64; 3] = [0, 1, 2].map(|c| mean(&|s| samples[s].1[c]));
+        let p = mean(&|s| samples[s].2);
+        let l: [f64; 3] = [0, 1, 2].map(|c| mean(&|s| samples[s].3[c]));
         let f = |s: usize, c: usize| samples[s].0[c] - u[c];
+        let g = |s: usize, c: usize| samples[s].1[c] - smooth[c];
         let close = |found: f64, wanted: f64| {
             assert!((found - wanted).abs() < 1e-10, "{found} {wanted}");
         };
         for (k, (a, b)) in PAIRS.into_iter().enumerate() {
-            close(central.stress[k], mean(&|s| f(s, a) * f(s, b)));
+            let wanted = mean(&|s| 0.5 * (f(s, a) * g(s, b) + g(s, a) * f(s, b)));
+            close(central.stress[k], wanted);
         }
         for c in 0..3 {
             let variance = mean(&|s| f(s, c).powi(2));
@@ -164,9 +184,9 @@ mod tests {
         close(central.transport, mean(&|s| 0.5 * square(s) * f(s, 1)));
         close(
             central.pressure_transport,
-            mean(&|s| (samples[s].1 - p) * f(s, 1)),
+            mean(&|s| (samples[s].2 - p) * f(s, 1)),
         );
-        let along = |s: usize| (0..3).map(|c| f(s, c) * (samples[s].2[c] - l[c])).sum();
+        let along = |s: usize| (0..3).map(|c| f(s, c) * (samples[s].3[c] - l[c])).sum();
         close(central.diffusion, mean(&along));
     }
 }
