@@ -25,43 +25,51 @@ type V3 = Vector3<f64>;
 /// mean nothing.
 const NEAREST: f64 = 2.0;
 
-/// Velocity by unit viscosity at `r` from a force. `s` is the width of both Gaussians together, `normal` points into the
-/// fluid, `height` is that of the force.
-pub(super) fn velocity(r: &V3, force: &V3, s: f64, normal: &V3, height: f64) -> V3 {
-    let place = r + 2.0 * height * normal;
-    // Nearer, and for disturbances that have spread that far, what the image would be at that distance.
-    let distance = place.norm();
-    let least = NEAREST * s;
-    let (place, height) = if distance < least {
-        let scale = least / distance.max(1e-3 * least);
-        (place * scale, height * scale)
-    } else {
-        (place, height)
-    };
-    between(&place, force, [0.5 * s * s; 2], normal, height)
+/// Forces in one place by what multiplies them: 1, ½v and ¼v² of their variances v.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Sum([V3; 3]);
+
+impl Sum {
+    /// Adds a force whose Gaussian and that at the place are `s` wide together, at the distance of the image. Where that is less than
+    /// 2s, and for disturbances that have spread that far, it counts as what the image would be at 2s.
+    pub fn add(&mut self, force: &V3, s: f64, distance: f64) {
+        // B is homogeneous of degree −1 in all lengths.
+        let seen = s.min(distance / NEAREST);
+        let share = seen / s;
+        let half = 0.25 * seen * seen;
+        for (sum, weight) in self
+            .0
+            .iter_mut()
+            .zip([share, share * half, share * half * half])
+        {
+            *sum += force * weight;
+        }
+    }
+
+    /// Velocity by unit viscosity at `place` from the image; `normal` points into the fluid, `height` is that of the forces.
+    pub fn velocity(&self, place: &V3, normal: &V3, height: f64) -> V3 {
+        let (n, h) = (normal, height);
+        let field = Derivatives::at(place);
+        let turned = |f: &V3| f - 2.0 * f.dot(n) * n;
+        let [force, linear, square] = &self.0;
+        // ∇x²B + ∇y²B: the terms with the height cancel.
+        let t = &turned(linear);
+        let bent = 2.0 * n * field.second(t).dot(n) - field.fourth_of_distance(t, n);
+        let by_variance = 4.0 * (field.second(linear) - field.second(t) - bent);
+        let by_square = 8.0 * field.fourth(&turned(square), n);
+        (blake(&field, force, n, h) + by_variance + by_square) / (8.0 * PI)
+    }
 }
 
-/// With variances around the place and around the force.
-fn between(place: &V3, force: &V3, [at_place, at_force]: [f64; 2], n: &V3, h: f64) -> V3 {
-    let field = Derivatives::at(place);
-    let turned = force - 2.0 * force.dot(n) * n;
-    let t = &turned;
+/// B of points, by 8π.
+fn blake(field: &Derivatives, force: &V3, n: &V3, h: f64) -> V3 {
+    let place = &field.place;
+    let t = &(force - 2.0 * force.dot(n) * n);
     let (up, toward) = (place.dot(n), place.dot(t));
     let [i1, i3, i5] = [field.inverse, field.inverse.powi(3), field.inverse.powi(5)];
     let oseen = force * i1 + place * (place.dot(force) * i3);
     let sheared = (t * up + place * t.dot(n) - n * toward) * i3 - place * (3.0 * up * toward * i5);
-    let (of_turned, of_force) = (field.second(t), field.second(force));
-    let third = field.third(t, n);
-    let bent = 2.0 * n * of_turned.dot(n) - field.fourth_of_distance(t, n);
-    let plain = -oseen - 2.0 * h * h * of_turned - 2.0 * h * sheared;
-    let by_place = 2.0 * of_force + 4.0 * h * third;
-    let by_force = 2.0 * of_force - 4.0 * of_turned - 4.0 * h * third - 4.0 * bent;
-    let by_both = 8.0 * field.fourth(t, n);
-    let mean = plain
-        + 0.5 * at_place * by_place
-        + 0.5 * at_force * by_force
-        + 0.25 * at_place * at_force * by_both;
-    mean / (8.0 * PI)
+    -oseen - 2.0 * h * h * field.second(t) - 2.0 * h * sheared
 }
 
 /// Derivatives of 1/R and R along given directions, the last index left open.
@@ -83,13 +91,6 @@ impl Derivatives {
         let x = &self.place;
         let i = self.inverse;
         3.0 * x.dot(a) * i.powi(5) * x - a * i.powi(3)
-    }
-
-    /// ∇∂_a∂_b (1/R)
-    fn third(&self, a: &V3, b: &V3) -> V3 {
-        let x = &self.place;
-        let (xa, xb, i) = (x.dot(a), x.dot(b), self.inverse);
-        3.0 * i.powi(5) * (a * xb + b * xa + x * a.dot(b)) - 15.0 * xa * xb * i.powi(7) * x
     }
 
     /// x x x x a b b, pairs of them with δ, and pairs of δ, each as a vector.
@@ -124,6 +125,58 @@ mod tests {
     use super::super::stokeslet;
     use super::*;
 
+    impl Derivatives {
+        /// ∇∂_a∂_b (1/R)
+        fn third(&self, a: &V3, b: &V3) -> V3 {
+            let x = &self.place;
+            let (xa, xb, i) = (x.dot(a), x.dot(b), self.inverse);
+            3.0 * i.powi(5) * (a * xb + b * xa + x * a.dot(b)) - 15.0 * xa * xb * i.powi(7) * x
+        }
+    }
+
+    /// With different variances around the place and around the force.
+    fn mean(place: &V3, force: &V3, [at_place, at_force]: [f64; 2], n: &V3, h: f64) -> V3 {
+        let field = Derivatives::at(place);
+        let t = &(force - 2.0 * force.dot(n) * n);
+        let (of_turned, of_force) = (field.second(t), field.second(force));
+        let third = field.third(t, n);
+        let bent = 2.0 * n * of_turned.dot(n) - field.fourth_of_distance(t, n);
+        let by_place = 2.0 * of_force + 4.0 * h * third;
+        let by_force = 2.0 * of_force - 4.0 * of_turned - 4.0 * h * third - 4.0 * bent;
+        let by_both = 8.0 * field.fourth(t, n);
+        let sum = blake(&field, force, n, h)
+            + 0.5 * at_place * by_place
+            + 0.5 * at_force * by_force
+            + 0.25 * at_place * at_force * by_both;
+        sum / (8.0 * PI)
+    }
+
+    fn velocity(r: &V3, force: &V3, s: f64, normal: &V3, height: f64) -> V3 {
+        let place = r + 2.0 * height * normal;
+        let mut sum = Sum::default();
+        sum.add(force, s, place.norm());
+        sum.velocity(&place, normal, height)
+    }
+
+    #[test]
+    fn forces_of_several_widths_are_summed_and_near_ones_kept_away() {
+        let (normal, force) = (Vector3::z(), Vector3::new(0.4, -0.2, 0.8));
+        let (r, height) = (Vector3::new(0.3, -0.1, 0.2), 0.5);
+        let place: V3 = r + 2.0 * height * normal;
+        let distance = place.norm();
+        let mut sum = Sum::default();
+        let mut wanted = V3::zeros();
+        for (s, share) in [(0.2, 1.0), (0.5, -0.7), (1.5, 0.4)] {
+            sum.add(&(force * share), s, distance);
+            let scale = (2.0 * s / distance).max(1.0);
+            let variances = [0.5 * s * s; 2];
+            let (place, height) = (place * scale, height * scale);
+            wanted += share * mean(&place, &force, variances, &normal, height);
+        }
+        let found = sum.velocity(&place, &normal, height);
+        assert!((found - wanted).norm() < 1e-14, "{found} {wanted}");
+    }
+
     /// A Gaussian force and its image leave the wall at rest.
     #[test]
     fn the_image_holds_the_wall() {
@@ -132,9 +185,11 @@ mod tests {
             for (x, z) in [(0.0, 0.0), (0.4, -0.7), (3.0, 1.0)] {
                 let r = Vector3::new(x, -height, z);
                 let s = 0.15;
-                let (alone, _) = stokeslet::flow(&r, &force, s);
+                let (mut alone, mut gradient) = (V3::zeros(), nalgebra::Matrix3::zeros());
+                let into = (&mut alone, &mut gradient);
+                stokeslet::Stokeslets::new().add(into, &r, &force, s);
                 let place = r + 2.0 * height * normal;
-                let both = alone + between(&place, &force, [0.0, s * s], &normal, height);
+                let both = alone + mean(&place, &force, [0.0, s * s], &normal, height);
                 assert!(both.norm() < 1e-9 * alone.norm(), "{x} {z}: {both}");
             }
         }

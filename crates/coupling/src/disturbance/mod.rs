@@ -24,6 +24,7 @@ use crate::{CouplingError, Kernel};
 use fibreflow_fibre::{Ambient, Points, Reaction};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
+use stokeslet::Stokeslets;
 
 /// Variance of a Gaussian cut off at [`Kernel::REACH`] by that of the whole one.
 const VARIANCE: f64 = 0.994_284;
@@ -31,6 +32,9 @@ const VARIANCE: f64 = 0.994_284;
 const EXPONENTS: [i32; 2] = [-7, 11];
 /// Two bands have one force.
 const FORCES: usize = (EXPONENTS[1] - EXPONENTS[0] + 2) as usize / 2;
+
+/// Displacements that differ by less than this share of the width, or of the distance from an image, are one.
+const NEAR: f64 = 0.03;
 
 /// What becomes of a disturbance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,6 +66,50 @@ pub struct Undisturbed {
     time: f64,
     wake: Wake,
     walls: Vec<PlaneWall>,
+    bands: Vec<Band>,
+    stokeslets: Stokeslets,
+}
+
+/// Velocity and its gradient.
+type Flow = (Vector3<f64>, Matrix3<f64>);
+
+/// What is left of forces of some ages: Gaussians of the younger width less those of the older.
+#[derive(Clone, Copy, Debug)]
+struct Band {
+    /// Age that its displacement is taken at \[s\].
+    middle: f64,
+    /// Widths √2 √(σ² + ντ) at its ends \[m\]; the last band has no end.
+    younger: f64,
+    older: Option<f64>,
+}
+
+impl Band {
+    /// Of a kernel of width σ \[m\] with σ²/ν = `time` \[s\].
+    fn all(wake: Wake, sigma: f64, time: f64) -> Vec<Self> {
+        let width = |age: f64| sigma * (2.0 * (1.0 + age / time)).sqrt();
+        if wake == Wake::Steady {
+            return vec![Self {
+                middle: 0.0,
+                younger: width(0.0),
+                older: None,
+            }];
+        }
+        let end = |band: usize| time * f64::from(band as i32 + EXPONENTS[0]).exp2();
+        let band = |k: usize| {
+            let last = k + 1 == 2 * FORCES;
+            let (younger, older) = (if k == 0 { 0.0 } else { end(k - 1) }, end(k));
+            Self {
+                middle: match k {
+                    0 => 0.5 * older,
+                    _ if last => 2.0 * younger,
+                    _ => (younger * older).sqrt(),
+                },
+                younger: width(younger),
+                older: (!last).then(|| width(older)),
+            }
+        };
+        (0..2 * FORCES).map(band).collect()
+    }
 }
 
 /// A force that acts on the fluid at one place, with its past.
@@ -85,13 +133,16 @@ impl Undisturbed {
         wake: Wake,
         walls: Vec<PlaneWall>,
     ) -> Result<Self, CouplingError> {
-        let width = kernel.width().ok_or(CouplingError::NoWidth)?;
+        let width = kernel.width().ok_or(CouplingError::NoWidth)? * VARIANCE.sqrt();
+        let time = width * width * density / viscosity;
         Ok(Self {
-            width: width * VARIANCE.sqrt(),
+            width,
             viscosity,
-            time: width * width * VARIANCE * density / viscosity,
+            time,
             wake,
             walls,
+            bands: Band::all(wake, width, time),
+            stokeslets: Stokeslets::new(),
         })
     }
 
@@ -173,16 +224,14 @@ impl Undisturbed {
                 .collect();
             for (p, own) in piece.iter_mut().enumerate() {
                 let place = points.position[first + p];
-                for source in &sources {
-                    let (velocity, gradient) = self.influence(&place, source);
-                    own.0 += velocity;
-                    own.1 += gradient;
-                }
+                sources
+                    .iter()
+                    .for_each(|source| self.influence(own, &place, source));
             }
         });
         for (p, (velocity, gradient)) in own.into_iter().enumerate() {
-            ambient.velocity[p] -= velocity;
-            ambient.gradient[p] -= gradient;
+            ambient.velocity[p] -= velocity / self.viscosity;
+            ambient.gradient[p] -= gradient / self.viscosity;
         }
     }
 
@@ -219,54 +268,55 @@ impl Undisturbed {
         }
     }
 
-    /// Velocity and gradient at a place from a source.
-    fn influence(&self, place: &Vector3<f64>, source: &Source<'_>) -> (Vector3<f64>, Matrix3<f64>) {
-        let force =
-            |pair: usize| Vector3::from_column_slice(&source.forces[3 * pair..3 * pair + 3]);
-        let width = |age: f64| self.width * (2.0 * (1.0 + age / self.time)).sqrt();
-        if self.wake == Wake::Steady {
-            let (u, g) = self.through(place, &source.position, &force(0), width(0.0));
-            return (u / self.viscosity, g / self.viscosity);
-        }
-        let (mut u, mut g) = (Vector3::zeros(), Matrix3::zeros());
-        let mut younger = 0.0;
-        for band in 0..2 * FORCES {
-            let older = self.time * f64::from(band as i32 + EXPONENTS[0]).exp2();
-            let last = band + 1 == 2 * FORCES;
-            let middle = match band {
-                0 => 0.5 * older,
-                _ if last => 2.0 * younger,
-                _ => (younger * older).sqrt(),
-            };
-            let force = force(band / 2);
-            let from = source.position - middle * source.drift;
-            let (du, dg) = self.through(place, &from, &force, width(younger));
-            u += du;
-            g += dg;
-            if !last {
-                let (du, dg) = self.through(place, &from, &force, width(older));
-                u -= du;
-                g -= dg;
+    /// Adds velocity and gradient at a place from a source, by unit viscosity; images change the velocity alone.
+    fn influence(&self, (u, gradient): &mut Flow, place: &Vector3<f64>, source: &Source<'_>) {
+        let force = |k: usize| {
+            let three = &source.forces[3 * (k / 2)..3 * (k / 2) + 3];
+            Vector3::new(three[0], three[1], three[2])
+        };
+        let r = place - source.position;
+        let speed = source.drift.norm();
+        let mut add = |age: f64, force: &Vector3<f64>, s: f64| {
+            let r = r + age * source.drift;
+            self.stokeslets.add((u, gradient), &r, force, s);
+        };
+        add(self.bands[0].middle, &force(0), self.bands[0].younger);
+        for (k, pair) in self.bands.windows(2).enumerate() {
+            let [before, after] = [&pair[0], &pair[1]];
+            let s = after.younger;
+            if speed * (after.middle - before.middle) > NEAR * s {
+                add(before.middle, &-force(k), s);
+                add(after.middle, &force(k + 1), s);
+            } else if k % 2 == 1 {
+                // One place will do, and within a pair of bands nothing changes there.
+                let age = 0.5 * (before.middle + after.middle);
+                add(age, &(force(k + 1) - force(k)), s);
             }
-            younger = older;
         }
-        (u / self.viscosity, g / self.viscosity)
-    }
-
-    /// Velocity and gradient from a Gaussian of width `s`, by unit viscosity. Images change the velocity alone.
-    fn through(
-        &self,
-        place: &Vector3<f64>,
-        from: &Vector3<f64>,
-        force: &Vector3<f64>,
-        s: f64,
-    ) -> (Vector3<f64>, Matrix3<f64>) {
-        let r = place - from;
-        let (mut u, gradient) = stokeslet::flow(&r, force, s);
         for wall in &self.walls {
-            let height = (wall.normal.dot(from) - wall.offset).max(0.0);
-            u += image::velocity(&r, force, s, &wall.normal, height);
+            let mut first = 0;
+            while first < self.bands.len() {
+                let from = source.position - self.bands[first].middle * source.drift;
+                // A thousandth of a width from the wall, where a force does nothing.
+                let height = (wall.normal.dot(&from) - wall.offset).max(1e-3 * self.width);
+                let image = place - from + 2.0 * height * wall.normal;
+                let distance = image.norm();
+                let mut sum = image::Sum::default();
+                let one = |band: &&Band| {
+                    let moved = speed * (band.middle - self.bands[first].middle);
+                    moved <= NEAR * distance.max(band.younger)
+                };
+                let count = self.bands[first..].iter().take_while(one).count();
+                for (k, band) in self.bands.iter().enumerate().skip(first).take(count) {
+                    let force = force(k);
+                    sum.add(&force, band.younger, distance);
+                    if let Some(older) = band.older {
+                        sum.add(&-force, older, distance);
+                    }
+                }
+                *u += sum.velocity(&image, &wall.normal, height);
+                first += count;
+            }
         }
-        (u, gradient)
     }
 }

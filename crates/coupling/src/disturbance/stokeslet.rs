@@ -11,8 +11,10 @@
 
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
+use std::sync::LazyLock;
 
 /// α, β, α'/ρ and β'/ρ at a distance ρ.
+#[derive(Clone, Copy, Debug)]
 struct Profile {
     alpha: f64,
     beta: f64,
@@ -26,8 +28,94 @@ const PEAK: f64 = 0.797_884_560_802_865_4;
 const NEAR: f64 = 1.5;
 const TERMS: usize = 18;
 
+/// Squares of distances beyond which a Gaussian is a point and a degenerate quadrupole to round-off.
+const OUTSIDE: usize = 64;
+/// Pieces of the table by unit of ρ², and coefficients of each.
+const PIECES: usize = 2;
+const COEFFICIENTS: usize = 8;
+
+/// α and β as polynomials of −1 ≤ t ≤ 1 on pieces of ρ², from the lowest power: 16 kB.
+type Table = [[[f64; 2]; COEFFICIENTS]; PIECES * OUTSIDE];
+
+/// Within 1e-12 of the closed forms.
+static TABLE: LazyLock<Box<Table>> = LazyLock::new(|| {
+    let middle = |piece: usize| (piece as f64 + 0.5) / PIECES as f64;
+    let mut table = Box::new([[[0.0; 2]; COEFFICIENTS]; PIECES * OUTSIDE]);
+    for (piece, coefficients) in table.iter_mut().enumerate() {
+        let at = |t: f64| {
+            let profile = Profile::exact(middle(piece) + 0.5 * t / PIECES as f64);
+            [profile.alpha, profile.beta]
+        };
+        *coefficients = interpolated(at);
+    }
+    table
+});
+
+/// The polynomial through values at Chebyshev's points.
+fn interpolated(at: impl Fn(f64) -> [f64; 2]) -> [[f64; 2]; COEFFICIENTS] {
+    const N: usize = COEFFICIENTS;
+    let angle = |k: usize| PI * (k as f64 + 0.5) / N as f64;
+    let values: [[f64; 2]; N] = std::array::from_fn(|k| at(angle(k).cos()));
+    let mut coefficients = [[0.0; 2]; N];
+    // T_j as powers of t, by T_(j+1) = 2 t T_j − T_(j−1).
+    let (mut before, mut power) = ([0.0; N], [0.0; N]);
+    power[0] = 1.0;
+    for j in 0..N {
+        let share = if j == 0 { 1.0 } else { 2.0 } / N as f64;
+        for c in 0..2 {
+            let weighted = |k: usize| values[k][c] * (j as f64 * angle(k)).cos();
+            let amount = share * (0..N).map(weighted).sum::<f64>();
+            for (coefficient, p) in coefficients.iter_mut().zip(power) {
+                coefficient[c] += amount * p;
+            }
+        }
+        let mut next = before.map(|b| -b);
+        for k in 1..N {
+            next[k] += if j == 0 { 1.0 } else { 2.0 } * power[k - 1];
+        }
+        (before, power) = (power, next);
+    }
+    coefficients
+}
+
 impl Profile {
-    fn at(square: f64) -> Self {
+    fn at(square: f64, table: &Table) -> Self {
+        let place = square * PIECES as f64;
+        let Some(coefficients) = table.get(place as usize) else {
+            return Self::outside(square);
+        };
+        let t = 2.0 * (place - place.floor()) - 1.0;
+        let (mut value, mut slope) = ([0.0; 2], [0.0; 2]);
+        for coefficient in coefficients.iter().rev() {
+            for c in 0..2 {
+                slope[c] = slope[c] * t + value[c];
+                value[c] = value[c] * t + coefficient[c];
+            }
+        }
+        // d/dρ by ρ is twice that by ρ².
+        let by_square = 4.0 * PIECES as f64;
+        Self {
+            alpha: value[0],
+            beta: value[1],
+            alpha_slope: by_square * slope[0],
+            beta_slope: by_square * slope[1],
+        }
+    }
+
+    /// Where E = 1 and e = 0.
+    fn outside(square: f64) -> Self {
+        let i2 = 1.0 / square;
+        let i = i2.sqrt();
+        let i3 = i * i2;
+        Self {
+            alpha: i + i3,
+            beta: i3 * (1.0 - 3.0 * i2),
+            alpha_slope: -i3 * (1.0 + 3.0 * i2),
+            beta_slope: i3 * i2 * (15.0 * i2 - 3.0),
+        }
+    }
+
+    fn exact(square: f64) -> Self {
         if square < NEAR * NEAR {
             Self::near(square)
         } else {
@@ -80,16 +168,40 @@ impl Profile {
     }
 }
 
-/// Velocity at `r` from a force at the origin and its gradient, gradient\[i\]\[k\] = ∂u_i/∂x_k, by unit viscosity.
-pub(super) fn flow(r: &Vector3<f64>, force: &Vector3<f64>, s: f64) -> (Vector3<f64>, Matrix3<f64>) {
-    let x = r / s;
-    let p = Profile::at(x.norm_squared());
-    let along = x.dot(force);
-    let u = (p.alpha * force + p.beta * along * x) / (8.0 * PI * s);
-    let gradient = p.alpha_slope * force * x.transpose()
-        + p.beta_slope * along * x * x.transpose()
-        + p.beta * (Matrix3::from_diagonal_element(along) + x * force.transpose());
-    (u, gradient / (8.0 * PI * s * s))
+/// Flows of Gaussians, from a table.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stokeslets(&'static Table);
+
+impl Stokeslets {
+    pub fn new() -> Self {
+        Self(&TABLE)
+    }
+
+    /// Adds the velocity at `r` from a force at the origin and its gradient, gradient\[i\]\[k\] = ∂u_i/∂x_k, by unit
+    /// viscosity; `s` is the width.
+    pub fn add(
+        self,
+        (u, gradient): (&mut Vector3<f64>, &mut Matrix3<f64>),
+        r: &Vector3<f64>,
+        force: &Vector3<f64>,
+        s: f64,
+    ) {
+        let by_width = 1.0 / s;
+        let x = r * by_width;
+        let p = Profile::at(x.norm_squared(), self.0);
+        let along = x.dot(force);
+        let scale = by_width / (8.0 * PI);
+        *u += force * (scale * p.alpha) + x * (scale * p.beta * along);
+        let scale = scale * by_width;
+        let across = force * (scale * p.alpha_slope) + x * (scale * p.beta_slope * along);
+        let beta = scale * p.beta;
+        for k in 0..3 {
+            for i in 0..3 {
+                gradient[(i, k)] += across[i] * x[k] + beta * x[i] * force[k];
+            }
+            gradient[(k, k)] += beta * along;
+        }
+    }
 }
 
 /// Error function to round-off for positive arguments.
@@ -116,8 +228,32 @@ fn erf(x: f64) -> f64 {
 mod tests {
     use super::*;
 
+    fn flow(r: &Vector3<f64>, force: &Vector3<f64>, s: f64) -> (Vector3<f64>, Matrix3<f64>) {
+        let (mut u, mut gradient) = (Vector3::zeros(), Matrix3::zeros());
+        Stokeslets::new().add((&mut u, &mut gradient), r, force, s);
+        (u, gradient)
+    }
+
     fn velocity(r: &Vector3<f64>, force: &Vector3<f64>, s: f64) -> Vector3<f64> {
         flow(r, force, s).0
+    }
+
+    #[test]
+    fn the_table_holds_the_closed_forms() {
+        for k in 0..4000 {
+            let square = 0.02 * f64::from(k) + 1e-3;
+            let (found, wanted) = (Profile::at(square, &TABLE), Profile::exact(square));
+            let size = 1.0 / (1.0 + square).sqrt();
+            let pairs = [
+                (found.alpha, wanted.alpha, size),
+                (found.beta, wanted.beta, size.powi(3)),
+                (found.alpha_slope, wanted.alpha_slope, size.powi(3)),
+                (found.beta_slope, wanted.beta_slope, size.powi(5)),
+            ];
+            for (j, (a, b, size)) in pairs.into_iter().enumerate() {
+                assert!((a - b).abs() < 1e-9 * size, "ρ² = {square}, {j}: {a} {b}");
+            }
+        }
     }
 
     #[test]
