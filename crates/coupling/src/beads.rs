@@ -224,6 +224,7 @@ impl Beads {
     /// Takes the motions of the flow just solved, and moves on by `dt` \[s\]. Collective.
     pub fn follow(&mut self, fluid: &mut Fluid, dt: f64) {
         let states = fluid.body_states();
+        let places: Vec<Vector3> = self.beads.iter().map(|b| b.position).collect();
         for (k, (bead, state)) in self.beads.iter_mut().zip(states).enumerate() {
             bead.velocity = state.velocity.into();
             bead.spin = state.spin.into();
@@ -234,6 +235,34 @@ impl Beads {
             }
             bead.position += dt * bead.velocity;
             bead.orientation = Quaternion::from_scaled_axis(dt * bead.spin) * bead.orientation;
+        }
+        self.keep_strains(&places, dt);
+    }
+
+    /// Turns the beams that began a step at `places` on arcs, and stretches them as the linear solve had it: on tangents a chain that only
+    /// turns would be stretched by ½(ωΔt)², and stiff beams answer that with forces far above those of the flow. Centroids stay.
+    fn keep_strains(&mut self, places: &[Vector3], dt: f64) {
+        let mut first = 0;
+        while first < self.beams.len() {
+            let start = self.beams[first].0;
+            let follows = |(k, beam): (usize, &(usize, Segment))| beam.0 == start + k;
+            let joined = self.beams[first..].iter().enumerate();
+            let count = joined.take_while(|beam| follows(*beam)).count();
+            let chain = start..=start + count;
+            let sum = |beads: &[Bead]| -> Vector3 { beads.iter().map(|b| b.position).sum() };
+            let before = sum(&self.beads[chain.clone()]);
+            for k in start..start + count {
+                let span = places[k + 1] - places[k];
+                let change = dt * (self.beads[k + 1].velocity - self.beads[k].velocity);
+                let by_square = 1.0 / span.norm_squared();
+                let turned = Quaternion::from_scaled_axis(span.cross(&change) * by_square) * span;
+                let stretched = turned * (1.0 + span.dot(&change) * by_square);
+                self.beads[k + 1].position = self.beads[k].position + stretched;
+            }
+            let beads = &mut self.beads[chain];
+            let shift = (before - sum(beads)) / beads.len() as f64;
+            beads.iter_mut().for_each(|b| b.position += shift);
+            first += count;
         }
     }
 

@@ -207,5 +207,6 @@ fn stiff_chains_need_no_smaller_steps() {
         (stretch, bow, angle)
     });
     assert!(ends[2].0 < 0.02 && ends[2].1 < ends[0].1 && ends[2].1 < 0.05);
-    assert!(ends[1].2 > 0.4);
+    // Stiff beams do not slow a chain down.
+    assert!((ends[1].2 - ends[2].2).abs() < 0.02 * ends[2].2);
 }

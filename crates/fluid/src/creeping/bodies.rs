@@ -10,9 +10,11 @@
 //! exchanges neither force nor torque with the flow: a free body moves with V_k, Ω_k. A force and torque on it enter as s_i (a + α × (x_i − x_k)),
 //! the transpose of P_k; links make them depend on the motions themselves, as beams do over an implicit step. Of a body of given motion the whole of κ s (u − V − Ω × …) stays, and is the force that moves it.
 
+use super::modes::{self, BodyModes};
 use crate::{Fluid, FluidError};
 use fibreflow_parallel::Communicator;
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector3};
+use std::sync::Arc;
 
 /// How a body moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,6 +59,13 @@ pub struct BodyPart {
     pub arms: Vec<[f64; 3]>,
 }
 
+impl BodyPart {
+    /// Node, profile and arm.
+    pub(super) fn entries(&self) -> impl Iterator<Item = ((&u32, &f64), &[f64; 3])> {
+        self.nodes.iter().zip(&self.profile).zip(&self.arms)
+    }
+}
+
 /// A force that grows with the motion of two bodies: over a step of Δt a beam of stiffness K between them resists with Δt K.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BodyLink {
@@ -85,11 +94,15 @@ pub(super) struct Bodies {
     resistance: f64,
     density: f64,
     links: Vec<BodyLink>,
-    parts: Vec<BodyPart>,
+    /// Profiles times volumes.
+    parts: Arc<Vec<BodyPart>>,
     motions: Vec<BodyMotion>,
     moments: Vec<Moments>,
     /// Σ s u and Σ s r × u of every body.
     sums: Vec<f64>,
+    /// Directions in which bodies have an extent, and their mean radius of gyration \[m\].
+    axes: Vec<usize>,
+    scale: f64,
 }
 
 impl Bodies {
@@ -114,6 +127,8 @@ impl Bodies {
             }
         }
         communicator.sum_slice(&mut sums);
+        let of_all: [f64; 10] =
+            std::array::from_fn(|t| sums.chunks_exact(10).map(|sums| sums[t]).sum());
         let moments: Vec<Moments> = sums.chunks_exact(10).map(Moments::of).collect();
         for (part, moments) in parts.iter_mut().zip(&moments) {
             for arm in &mut part.arms {
@@ -125,22 +140,110 @@ impl Bodies {
             density,
             links,
             sums: vec![0.0; 6 * parts.len()],
-            parts,
+            parts: Arc::new(parts),
             motions,
             moments,
+            axes: (0..3).filter(|c| of_all[4 + c] > 0.0).collect(),
+            scale: (of_all[4..7].iter().sum::<f64>() / of_all[0]).sqrt(),
         }
     }
 
-    /// √(Σ κφ) by owned node.
-    fn roots(&self, volumes: &[f64]) -> Vec<f64> {
-        let mut roots = vec![0.0; volumes.len()];
-        for part in &self.parts {
-            for (&i, share) in part.nodes.iter().zip(&part.profile) {
-                roots[i as usize] += self.resistance * share / volumes[i as usize];
+    /// Directions in which bodies have an extent, and their mean radius of gyration \[m\].
+    pub fn extent(&self) -> (Vec<usize>, f64) {
+        (self.axes.clone(), self.scale)
+    }
+
+    /// Profiles times volumes.
+    pub fn shared_parts(&self) -> Arc<Vec<BodyPart>> {
+        Arc::clone(&self.parts)
+    }
+
+    /// Q of `modes`: what bodies and links resist by the moments Φᵀu. Collective.
+    pub fn resistance_of_modes(
+        &self,
+        modes: &BodyModes,
+        communicator: &Communicator,
+    ) -> DMatrix<f64> {
+        let (axes, count) = (&self.axes[..], modes.modes());
+        let of_component = self.parts.len() * count;
+        let mut resistance = DMatrix::zeros(axes.len() * of_component, axes.len() * of_component);
+        let index = |k: usize, c: usize, m: usize| c * of_component + k * count + m;
+        let motions: Vec<DMatrix<f64>> = (0..self.parts.len())
+            .map(|k| self.motion_of_modes(k, count))
+            .collect();
+        let mut add = |[j, k]: [usize; 2], block: &DMatrix<f64>| {
+            for (row, column) in
+                (0..block.nrows()).flat_map(|r| (0..block.ncols()).map(move |c| (r, c)))
+            {
+                let at = |k: usize, entry: usize| index(k, entry / count, entry % count);
+                resistance[(at(j, row), at(k, column))] += block[(row, column)];
+            }
+        };
+        for (k, gram) in self.grams(modes, communicator).into_iter().enumerate() {
+            let inverse = modes::inverse(gram);
+            let mut own = DMatrix::<f64>::identity(axes.len(), axes.len()).kronecker(&inverse);
+            if let BodyMotion::Free { .. } = self.motions[k] {
+                let moments = &self.moments[k];
+                let inertia = moments.inverse.try_inverse().unwrap_or_default();
+                let mut mass = DMatrix::zeros(6, 6);
+                mass.view_mut((0, 0), (3, 3)).fill_diagonal(moments.volume);
+                mass.view_mut((3, 3), (3, 3)).copy_from(&inertia);
+                // About the centroid translation and rotation do not mix.
+                let about = moments.to_centroid() * &motions[k];
+                own -= about.transpose() * mass * about;
+            }
+            add([k, k], &(self.resistance * own));
+        }
+        for link in &self.links {
+            for (row, &j) in link.bodies.iter().enumerate() {
+                for (column, &k) in link.bodies.iter().enumerate() {
+                    let free = [j, k].map(|k| matches!(self.motions[k], BodyMotion::Free { .. }));
+                    if free == [true; 2] {
+                        let block = modes::block(&link.resistance, row, column);
+                        let block = motions[j].transpose() * block * &motions[k];
+                        add([j, k], &(block / self.density));
+                    }
+                }
             }
         }
-        roots.iter_mut().for_each(|r| *r = r.sqrt());
-        roots
+        resistance
+    }
+
+    /// Σ s p pᵀ of every body. Collective.
+    fn grams(&self, modes: &BodyModes, communicator: &Communicator) -> Vec<DMatrix<f64>> {
+        let count = modes.modes();
+        let mut sums = vec![0.0; count * count * self.parts.len()];
+        for (part, sums) in self.parts.iter().zip(sums.chunks_exact_mut(count * count)) {
+            for ((_, share), arm) in part.entries() {
+                for m in 0..count {
+                    let weight = share * modes.mode(m, arm);
+                    (0..count).for_each(|n| sums[m * count + n] += weight * modes.mode(n, arm));
+                }
+            }
+        }
+        communicator.sum_slice(&mut sums);
+        let gram = |sums: &[f64]| DMatrix::from_row_slice(count, count, sums);
+        sums.chunks_exact(count * count).map(gram).collect()
+    }
+
+    /// Velocity of the centre and spin of a body by its moments, component after component.
+    fn motion_of_modes(&self, k: usize, count: usize) -> DMatrix<f64> {
+        let moments = &self.moments[k];
+        let mut motion = DMatrix::zeros(6, self.axes.len() * count);
+        for (c, &axis) in self.axes.iter().enumerate() {
+            let unit = Vector3::ith(axis, 1.0);
+            let mut put = |m: usize, mean: Vector3<f64>, spin: Vector3<f64>| {
+                let velocity = mean - spin.cross(&moments.shift);
+                let column = stacked(velocity.into(), spin.into());
+                motion.column_mut(c * count + m).copy_from(&column);
+            };
+            put(0, unit / moments.volume, Vector3::zeros());
+            for (m, &along) in self.axes.iter().enumerate() {
+                let turning = self.scale * Vector3::ith(along, 1.0).cross(&unit);
+                put(1 + m, Vector3::zeros(), moments.inverse * turning);
+            }
+        }
+        motion
     }
 
     /// Adds what the bodies resist the flow with: κ s (u − P u) of free ones and κ s u of those of given motion, and links. Collective.
@@ -163,7 +266,7 @@ impl Bodies {
                 }
                 BodyMotion::Given { .. } => (Vector3::zeros(), Vector3::zeros()),
             };
-            for ((&i, share), arm) in part.nodes.iter().zip(&part.profile).zip(&part.arms) {
+            for ((&i, share), arm) in part.entries() {
                 let rigid = velocity + spin.cross(&Vector3::from(*arm));
                 let (u, out) = (u[i as usize], &mut out[i as usize]);
                 let weight = self.resistance * share;
@@ -190,7 +293,7 @@ impl Bodies {
                     (self.resistance * velocity, self.resistance * spin)
                 }
             };
-            for ((&i, share), arm) in part.nodes.iter().zip(&part.profile).zip(&part.arms) {
+            for ((&i, share), arm) in part.entries() {
                 let push = linear + angular.cross(&Vector3::from(*arm));
                 let source = &mut source[i as usize];
                 (0..3).for_each(|c| source[c] += share * push[c]);
@@ -251,7 +354,7 @@ impl Bodies {
     fn project(&mut self, u: &[[f64; 4]], communicator: &Communicator) {
         for (part, sums) in self.parts.iter().zip(self.sums.chunks_exact_mut(6)) {
             let (mut linear, mut angular) = (Vector3::zeros(), Vector3::zeros());
-            for ((&i, &share), arm) in part.nodes.iter().zip(&part.profile).zip(&part.arms) {
+            for ((&i, &share), arm) in part.entries() {
                 let [x, y, z, _] = u[i as usize];
                 let momentum = share * Vector3::new(x, y, z);
                 linear += momentum;
@@ -310,6 +413,14 @@ impl Moments {
         }
     }
 
+    /// Velocity of the centroid and spin by velocity of the centre and spin.
+    fn to_centroid(&self) -> DMatrix<f64> {
+        let mut matrix = DMatrix::identity(6, 6);
+        let turned = -self.shift.cross_matrix();
+        matrix.view_mut((0, 3), (3, 3)).copy_from(&turned);
+        matrix
+    }
+
     /// a and α of the centroid by a force and a torque about the centre.
     fn accelerations(&self, load: &Motion, density: f64) -> (Vector3<f64>, Vector3<f64>) {
         let force: Vector3<f64> = load.fixed_rows::<3>(0) / density;
@@ -356,11 +467,7 @@ impl Fluid {
             ));
         }
         let some = !bodies.parts.is_empty();
-        creeping.preconditioner.resistance = if some {
-            bodies.roots(volumes)
-        } else {
-            Vec::new()
-        };
+        creeping.preconditioner.modes.fit(&bodies, communicator);
         creeping.system.bodies = some.then_some(bodies);
         Ok(())
     }

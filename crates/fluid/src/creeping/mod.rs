@@ -15,6 +15,7 @@
 
 mod bodies;
 mod krylov;
+mod modes;
 mod precondition;
 mod step;
 mod system;

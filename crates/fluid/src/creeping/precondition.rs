@@ -2,8 +2,10 @@
 //!
 //! ũ = Â⁻¹ r_u,   p̃ = Ŝ⁻¹ (r_p − D ũ),   Ŝ⁻¹ = ν M⁻¹ + s L⁻¹
 //!
-//! (Cahouet & Chabert 1988): M the dual volumes, L the compact Poisson operator, s the rate of the time step.
+//! (Cahouet & Chabert 1988): M the dual volumes, L the compact Poisson operator, s the rate of the time step. Bodies join Â by their lowest
+//! modes (`modes`); what they do to the pressure is left to the iterations.
 
+use super::modes::{ACCURATE, BodyModes};
 use crate::boundary::Boundary;
 use crate::inverse::Inverse;
 use crate::operators::Operators;
@@ -30,8 +32,8 @@ pub(super) struct BlockPreconditioner {
     rate: f64,
     /// The mesh is one element thick.
     flat: bool,
-    /// √(Σ κφ) of bodies by owned node \[s^(−½)\]; empty without.
-    pub resistance: Vec<f64>,
+    /// The bodies in the viscous solves.
+    pub modes: BodyModes,
     /// Direct solves are wanted where they are possible.
     directly: bool,
     krylov: ConjugateGradients<f64>,
@@ -74,7 +76,7 @@ impl BlockPreconditioner {
             poisson: None,
             rate: f64::NAN,
             flat: is_flat(mesh),
-            resistance: Vec::new(),
+            modes: BodyModes::default(),
             directly,
             krylov: ConjugateGradients::new(),
             rhs: vec![0.0; mesh.owned()],
@@ -98,8 +100,19 @@ impl BlockPreconditioner {
                 self.viscous.push(inverse);
             }
             self.rate = rate;
+            self.modes.forget();
         }
-        if (rate > 0.0 || !self.resistance.is_empty()) && self.poisson.is_none() {
+        let room = (&mut self.rhs[..], &mut self.answer[..]);
+        let kinds = (self.solver, viscosity);
+        let communicator = operators.communicator();
+        self.modes.prepare(
+            &mut self.viscous,
+            kinds,
+            &mut self.krylov,
+            room,
+            communicator,
+        )?;
+        if rate > 0.0 && self.poisson.is_none() {
             let fixed = &boundary.pressure_fixed;
             let inverse = Inverse::new(mesh, operators, fixed, 0.0, self.directly)?;
             self.poisson = Some(inverse);
@@ -132,6 +145,7 @@ impl BlockPreconditioner {
     ) -> Result<(), SolveError> {
         let volumes = operators.volumes();
         let busy = self.busy(operators, r);
+        let inner = if self.modes.active() { ACCURATE } else { INNER };
         for c in 0..3 {
             if !busy[c] {
                 rows::each(&mut z[..r.len()], |_, z| z[c] = 0.0);
@@ -139,9 +153,23 @@ impl BlockPreconditioner {
             }
             rows::each(&mut self.rhs, |i, rhs| *rhs = r[i][c] / viscosity);
             let inverse = &mut self.viscous[self.solver[c]];
-            inverse.solve(&mut self.krylov, &self.rhs, &mut self.answer, &INNER)?;
+            inverse.solve(&mut self.krylov, &self.rhs, &mut self.answer, &inner)?;
             let answer = &self.answer;
             rows::each(&mut z[..r.len()], |i, z| z[c] = answer[i]);
+        }
+        if self.modes.active() {
+            self.modes.weigh(z, operators.communicator());
+            for k in 0..self.modes.axes().len() {
+                let c = self.modes.axes()[k];
+                if !busy[c] {
+                    continue;
+                }
+                self.modes.subtract(k, viscosity, &mut self.rhs);
+                let inverse = &mut self.viscous[self.solver[c]];
+                inverse.solve(&mut self.krylov, &self.rhs, &mut self.answer, &inner)?;
+                let answer = &self.answer;
+                rows::each(&mut z[..r.len()], |i, z| z[c] += answer[i]);
+            }
         }
         for constraint in &boundary.constraints {
             let z = &mut z[constraint.node as usize];
@@ -156,18 +184,6 @@ impl BlockPreconditioner {
         rows::each(&mut z[..r.len()], |i, z| {
             z[3] = viscosity / volumes[i] * rhs[i]
         });
-        if !self.resistance.is_empty()
-            && let Some(inverse) = &mut self.poisson
-        {
-            // Inside a body the flow is that through a porous medium.
-            let root = &self.resistance;
-            let divergence = self.rhs.clone();
-            rows::each(&mut self.rhs, |i, rhs| *rhs *= root[i]);
-            inverse.solve(&mut self.krylov, &self.rhs, &mut self.answer, &INNER)?;
-            let answer = &self.answer;
-            rows::each(&mut z[..r.len()], |i, z| z[3] += root[i] * answer[i]);
-            self.rhs.copy_from_slice(&divergence);
-        }
         if rate > 0.0
             && let Some(inverse) = &mut self.poisson
         {
