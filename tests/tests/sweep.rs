@@ -134,6 +134,9 @@ fn killed_and_gone_on_with_it_gives_the_same_table() {
     }
     let rest = run(&bench, "parts", &[]);
     assert_eq!(rest.status.code(), Some(1), "{}", rest.text);
+    let stopped = "parts/members/concentration=high--longer_shape=straight_seed=8/run.log";
+    let log = read(&bench, stopped);
+    assert!(log.contains("resumed at step"), "{log}");
     for table in ["results.csv", "members.csv"] {
         let [a, b] = ["whole", "parts"].map(|out| read(&bench, &format!("{out}/{table}")));
         // The folder is in what a failure says.
