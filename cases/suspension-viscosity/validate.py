@@ -20,6 +20,7 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+import matplotlib.ticker
 import numpy as np
 import pandas as pd
 
@@ -147,9 +148,9 @@ def friction(table, report, axes):
 
 
 def fits(rate, stress):
-    """Yield stress by Bingham, Casson and Herschel–Bulkley, and the exponent of the last; least squares of relative errors. Of the fibres' part of the stress: the
-    fluid's goes with the rate and would hide it."""
-    bingham = np.polyfit(rate, stress, 1, w=1 / stress)[1]
+    """Yield stress by Bingham (a straight line by least squares, as S has it: the same for the whole stress, of which the fluid's part goes with the rate), and of the
+    fibres' part by Casson and Herschel–Bulkley to relative errors, with the exponent of the last."""
+    bingham = np.polyfit(rate, stress, 1)[1]
     root = np.polyfit(np.sqrt(rate), np.sqrt(stress), 1, w=1 / np.sqrt(stress))[1]
     best = (np.inf, np.nan, np.nan)
     for power in np.linspace(0.3, 1.2, 91):
@@ -176,9 +177,9 @@ def yield_stress(table, report, thinning, flow, scaling):
         common = np.sqrt(np.mean((error / eta) ** 2))
         samples = np.array([fits(rate, stress * (1 + common * rng.normal(size=len(rate))))[0] for _ in range(300)])
         spread = samples.std()
-        flow.errorbar(rate, stress, 2 * error * rate, fmt="o", ms=4, label=f"nL³ = {nl3:g}")
-        line = np.polyfit(rate, stress, 1, w=1 / stress)
-        flow.plot([0, rate.max()], np.polyval(line, [0, rate.max()]), lw=0.7)
+        points = flow.errorbar(rate, stress, 2 * error * rate, fmt="o", ms=4, label=f"nL³ = {nl3:g}")
+        line = np.polyfit(rate, stress, 1)
+        flow.plot([0, rate.max()], np.polyval(line, [0, rate.max()]), lw=0.7, color=points[0].get_color())
         fraction = volume_fraction(nl3, aspect)
         fractions.append(fraction)
         found.append([drawn[0], spread, drawn[1]])
@@ -239,7 +240,13 @@ def main():
         friction(tables["friction"], report, axes[0, 1])
     if "yield" in tables:
         yield_stress(tables["yield"], report, axes[0, 2], axes[1, 0], axes[1, 1])
-    axes[1, 2].axis("off")
+    for panel in axes.flat:
+        if not panel.has_data():
+            panel.axis("off")
+        for axis in (panel.xaxis, panel.yaxis):
+            if axis.get_scale() == "log":
+                axis.set_major_formatter("{x:g}")
+                axis.set_minor_formatter(matplotlib.ticker.LogFormatter(labelOnlyBase=False, minor_thresholds=(1.2, 0.4)))
     figure.tight_layout()
     figure.savefig(options.out / "viscosity.png", dpi=110)
     (options.out / "summary.txt").write_text("\n".join(report.lines) + "\n")
