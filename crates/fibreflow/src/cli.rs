@@ -21,6 +21,8 @@ pub enum Command {
     Check(CheckArguments),
     /// Builds the mesh of a case, reports its quality and writes it as VTK.
     Mesh(MeshArguments),
+    /// Runs a case with other values of some keys, and makes a table of what they give.
+    Sweep(SweepArguments),
     /// Makes something of the results of a run.
     Post {
         /// What.
@@ -51,6 +53,29 @@ pub struct RunArguments {
     /// Go on from the newest complete checkpoint in the output folder.
     #[arg(long)]
     pub resume: bool,
+}
+
+/// Arguments of `sweep`.
+#[derive(Debug, Args)]
+pub struct SweepArguments {
+    /// TOML file with the case and what varies.
+    pub file: PathBuf,
+    /// Folder for members and tables [default: runs/FOLDER-NAME, with the folder and the name of the file].
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// Runs at a time.
+    #[arg(long, default_value = "1", value_parser = at_least_one)]
+    pub jobs: usize,
+    /// Run members again that failed before.
+    #[arg(long)]
+    pub retry: bool,
+}
+
+fn at_least_one(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(n) if n > 0 => Ok(n),
+        _ => Err("a whole number, at least 1".to_owned()),
+    }
 }
 
 /// Arguments of `check`.

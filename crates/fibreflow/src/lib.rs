@@ -19,5 +19,6 @@ mod groups;
 mod info;
 mod post;
 mod program;
+mod sweep;
 
 pub use program::start;

@@ -2,15 +2,23 @@
 
 use crate::cli::{Cli, Command, PostCommand};
 use crate::error::{FAILED, ProgramError, agree, report, stop_all};
-use crate::{check, info, post, run};
+use crate::{check, info, post, run, sweep};
 use clap::Parser;
 use fibreflow_parallel::Communicator;
 use std::process::ExitCode;
 
 /// The whole program: starts MPI, does what the command line says; 0, 1 for a failed run, 2 for bad input.
 pub fn start() -> ExitCode {
+    let cli = Cli::try_parse();
+    // A program that MPI has started must not start others.
+    if let Ok(Cli {
+        command: Command::Sweep(arguments),
+    }) = &cli
+    {
+        return sweep::start(arguments);
+    }
     match Communicator::world() {
-        Ok(communicator) => ExitCode::from(execute(&communicator)),
+        Ok(communicator) => ExitCode::from(execute(cli, &communicator)),
         Err(error) => {
             report(&ProgramError::failed(error));
             ExitCode::from(FAILED)
@@ -18,8 +26,8 @@ pub fn start() -> ExitCode {
     }
 }
 
-fn execute(communicator: &Communicator) -> u8 {
-    let cli = match Cli::try_parse() {
+fn execute(cli: Result<Cli, clap::Error>, communicator: &Communicator) -> u8 {
+    let cli = match cli {
         Ok(cli) => cli,
         Err(error) => {
             if communicator.is_root() {
@@ -81,6 +89,7 @@ fn dispatch(command: &Command, communicator: &Communicator) -> Result<(), End> {
         Command::Post {
             command: PostCommand::ExtractFloc { run, out },
         } => post::extract_floc(run, out, communicator).map_err(End::Together),
+        Command::Sweep(arguments) => on_root(&|| sweep::sweep(arguments)),
         Command::Info { file } => on_root(&|| info::info(file)),
         Command::Run(arguments) => {
             let prepared = run::prepare(arguments, communicator).map_err(End::Together)?;

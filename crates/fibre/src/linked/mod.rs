@@ -22,5 +22,6 @@ mod touch;
 
 pub use fibre::{Joint, LinkedFibre};
 pub use observe::LinkedStatistics;
+pub use structure::ContactLoads;
 pub use system::{LinkedScheme, LinkedSettings, LinkedSystem};
 pub use touch::Touch;

@@ -1,13 +1,28 @@
 //! Structure and stress of a suspension of linked fibres: flocs, pair distribution, particle stress.
 
 use super::groups::root;
-use super::system::LinkedSystem;
+use super::joints::Strain;
+use super::system::{LinkedScheme, LinkedSystem};
+use super::touch::Touch;
 use crate::contact::broad::search;
 use crate::contact::images::Images;
 use crate::contact::{ContactError, Segments};
 use crate::shape::SEGMENT_BITS;
-use crate::{FlowFormula, Matrix3, Vector3};
+use crate::{FlowFormula, Matrix3, Shear, Vector3};
 use std::f64::consts::PI;
+
+/// What contacts carried in the last step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ContactLoads {
+    /// Contacts that rub.
+    pub contacts: usize,
+    /// Mean normal force of one \[N\].
+    pub normal: f64,
+    /// Mean friction of one \[N\].
+    pub friction: f64,
+    /// Share of them that slides.
+    pub sliding: f64,
+}
 
 impl LinkedSystem {
     /// Flocs: for each fibre the lowest index of the fibres that it is joined to by contacts that rub.
@@ -121,11 +136,13 @@ impl LinkedSystem {
     /// middles of fibres (S 2.101–2.104), and that of contacts between fibres.
     pub fn particle_stress(&self, flow: FlowFormula<'_>) -> [Matrix3; 2] {
         let mut drag = Matrix3::zeros();
+        let mut middles = Vec::with_capacity(self.fibres());
         for f in 0..self.fibres() {
             let chain = &self.chains[f];
             let segments = &self.segments[self.offsets[f]..self.offsets[f + 1]];
             let middle =
                 segments.iter().map(|s| s.felt[0]).sum::<Vector3>() / segments.len() as f64;
+            middles.push(middle);
             let half = chain.half_length;
             let zeta = 4.0 * PI * self.settings.viscosity / (2.0 * half / chain.radius).ln();
             for s in segments {
@@ -137,17 +154,57 @@ impl LinkedSystem {
                 drag += (centre - middle) * force.transpose() + axis * moment.transpose();
             }
         }
+        // Images have moved since the start of the step, at which contacts were found.
+        let since = match self.settings.scheme {
+            LinkedScheme::Explicit => 0.0,
+            LinkedScheme::Implicit => 0.5 * self.last_step,
+        };
         let mut contact = Matrix3::zeros();
         for touch in &self.solved {
-            let [a, b] = touch.segments.map(|s| {
-                let chain = self.segments[s as usize].chain as usize;
-                self.chains[chain].centre
-            });
-            contact -= (a - b + touch.shift) * touch.force().transpose();
+            let [a, b] = touch
+                .segments
+                .map(|s| middles[self.segments[s as usize].chain as usize]);
+            let apart = a - b + touch.shift - touch.image_velocity * since;
+            contact -= apart * touch.force().transpose();
         }
         [drag, contact].map(|m| {
             let even = (m + m.transpose()) * 0.5;
             even - Matrix3::identity() * (even.trace() / 3.0)
         })
+    }
+
+    /// What contacts carried in the last step; all zero without contacts.
+    pub fn contact_loads(&self) -> ContactLoads {
+        let mut loads = ContactLoads::default();
+        // In a long step of scheme B a pair can begin to rub after its start.
+        let rubs = |t: &&Touch| t.rubs || t.friction != Vector3::zeros();
+        for touch in self.solved.iter().filter(rubs) {
+            loads.contacts += 1;
+            loads.normal += touch.push.max(0.0);
+            loads.friction += touch.friction.norm();
+            loads.sliding += f64::from(u8::from(touch.slides));
+        }
+        let count = loads.contacts.max(1) as f64;
+        for sum in [&mut loads.normal, &mut loads.friction, &mut loads.sliding] {
+            *sum /= count;
+        }
+        loads
+    }
+
+    /// ⟨(p·flow)²(p·gradient)²⟩ over the segments: the viscosity of slender rods by it is S 5.12.
+    pub fn alignment(&self, shear: &Shear) -> f64 {
+        let of = |p: &Vector3| (p.dot(&shear.flow) * p.dot(&shear.gradient)).powi(2);
+        let sum: f64 = self.segments.iter().map(|s| of(&s.axis)).sum();
+        sum / self.segments.len().max(1) as f64
+    }
+
+    /// Mean angle by which joints are bent from their shape without load \[rad\]; zero without joints.
+    pub fn mean_bending(&self) -> f64 {
+        let pairs = self.segments.windows(2).filter(|pair| !pair[1].first);
+        let (count, sum) = pairs.fold((0, 0.0), |(count, sum), pair| {
+            let bend = Strain::of(&pair[0], &pair[1]).bend.norm();
+            (count + 1, sum + bend)
+        });
+        sum / f64::from(count.max(1))
     }
 }

@@ -52,7 +52,7 @@ pub use phase::{Phase, Solid};
 pub use population::{Axis, Orbits, Orientation, Quantity, Region, Shortfall, Spread};
 pub use run::{Exact, Output, Schedule, Time};
 pub use samples::{SamplePoints, Samples};
-pub use schema::json_schema;
+pub use schema::{check_against, json_schema};
 pub use statistics::{Average, Statistics};
 pub use validate::{validate_domain, validate_patches};
 

@@ -19,7 +19,9 @@ pub struct Observables {
     /// Keeps a budget of the fibres' energy, in `series/energy.csv`.
     pub energy: bool,
     /// Stress of the suspension by its parts, in `series/stress.csv`: fluid 2μE, particle stress (Batchelor 1970) and contacts as
-    /// means over the domain, N1 and N2, and the viscosity relative to that of the fluid.
+    /// means over the domain, N1 and N2, and the viscosity relative to that of the fluid. Of linked fibres in `series/structure.csv`: particle stress by
+    /// slender bodies and contacts (Switzer 2002, 2.104), N1, N2 and the specific viscosity, and beside them mean forces of contacts, the share that slides, energy and
+    /// bending of the joints, and ⟨(p·flow)²(p·gradient)²⟩ of the segments.
     pub stress: bool,
     /// Fibres whose centre is nearer to a face of the box that is not periodic count neither in directions nor in stress [m];
     /// their share of the box is left out of its volume.

@@ -10,12 +10,16 @@ pub fn json_schema() -> Json {
 
 /// Refuses unknown keys, wrong types, missing keys and values out of bounds.
 pub(super) fn check(document: &Document) -> Result<(), Box<CaseError>> {
-    let root = json_schema();
-    let checker = Checker {
-        root: &root,
-        document,
-    };
-    checker.check(&root, document.value(), "")
+    check_against(&json_schema(), document)
+}
+
+/// The same for a document of another schema.
+///
+/// # Errors
+/// The first thing that does not fit.
+pub fn check_against(root: &Json, document: &Document) -> Result<(), Box<CaseError>> {
+    let checker = Checker { root, document };
+    checker.check(root, document.value(), "")
 }
 
 struct Checker<'a> {
@@ -46,6 +50,8 @@ impl<'a> Checker<'a> {
         }
         self.check_type(schema, value, path)?;
         match value {
+            // What a schema says nothing of can be anything.
+            toml::Value::Table(_) if is_open(schema) => Ok(()),
             toml::Value::Table(table) => self.check_table(schema, table, path),
             toml::Value::Array(array) => self.check_array(schema, array, path),
             toml::Value::Integer(i) => self.check_bounds(schema, *i as f64, value, path),
@@ -192,7 +198,7 @@ impl<'a> Checker<'a> {
         for key in required.into_iter().flatten().filter_map(Json::as_str) {
             if !table.contains_key(key) {
                 let place = if path.is_empty() {
-                    "the case".to_owned()
+                    "the file".to_owned()
                 } else {
                     format!("`{path}`")
                 };
@@ -308,6 +314,12 @@ impl<'a> Checker<'a> {
 fn branches(schema: &Json) -> Option<&[Json]> {
     let list = schema.get("oneOf").or_else(|| schema.get("anyOf"))?;
     list.as_array().map(Vec::as_slice)
+}
+
+/// Whether a schema leaves a table's keys open.
+fn is_open(schema: &Json) -> bool {
+    let closed = ["type", "properties", "additionalProperties"];
+    closed.iter().all(|rule| schema.get(*rule).is_none())
 }
 
 /// The value of `kind` that selects this alternative.

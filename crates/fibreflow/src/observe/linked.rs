@@ -9,6 +9,16 @@ use crate::scene::{Flow, Scene};
 use fibreflow_fibre::{Shear, Vector3};
 use std::path::Path;
 
+/// Columns after the stress: means over the contacts of the last step, energy of the joints, how they are bent and how segments lie.
+const BESIDE_STRESS: [&str; 6] = [
+    "normal_force",
+    "friction_force",
+    "sliding",
+    "elastic_energy",
+    "bending",
+    "alignment",
+];
+
 /// `series/structure.csv`: contacts of a fibre, flocs, pair distribution, stress.
 pub struct StructureSeries {
     about: Observables,
@@ -47,6 +57,7 @@ impl StructureSeries {
                 columns.extend(COMPONENTS.map(|(name, ..)| format!("{part}_{name}")));
             }
             columns.extend(["n1", "n2", "eta_sp"].map(str::to_owned));
+            columns.extend(BESIDE_STRESS.map(str::to_owned));
         }
         let path = folder.join("series").join("structure.csv");
         let names: Vec<&str> = columns.iter().map(String::as_str).collect();
@@ -74,7 +85,8 @@ impl StructureSeries {
         let (Some(linked), Flow::Prescribed(flow)) = (&scene.linked, &scene.flow) else {
             return Ok(());
         };
-        let contacts = linked.statistics().contacts as f64;
+        let statistics = linked.statistics();
+        let contacts = statistics.contacts as f64;
         let (flocs, largest) = linked.floc_sizes();
         // A pair is a contact of both.
         let each = 2.0 * contacts / linked.fibres().max(1) as f64;
@@ -101,6 +113,15 @@ impl StructureSeries {
             let viscous = along.dot(&(strain * up));
             let shear = along.dot(&(total * up));
             values.push(if viscous == 0.0 { 0.0 } else { shear / viscous });
+            let loads = linked.contact_loads();
+            values.extend([
+                loads.normal,
+                loads.friction,
+                loads.sliding,
+                statistics.elastic_energy,
+                linked.mean_bending(),
+                linked.alignment(&self.shear),
+            ]);
         }
         let written = self.series.line(clock.step, clock.time, &values);
         written.map_err(failed)
