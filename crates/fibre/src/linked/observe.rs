@@ -132,6 +132,12 @@ impl LinkedSystem {
         self.walls.loads(&self.walls.solved)
     }
 
+    /// Force of the fibres on the piston in the last step \[N\].
+    pub fn piston_load(&self) -> f64 {
+        let piston = self.settings.piston.as_ref();
+        piston.map_or(0.0, |p| self.wall_loads()[p.wall])
+    }
+
     /// What the grips hold, with the forces of the last step.
     pub fn grips(&self) -> &[Grip] {
         &self.grips

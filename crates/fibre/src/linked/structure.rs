@@ -71,6 +71,13 @@ impl LinkedSystem {
         members
     }
 
+    /// All fibres, with their middles moved by whole periods into the periodic box \[m\].
+    pub fn in_box(&self) -> Vec<(usize, Vector3)> {
+        let wrap = |x: &Vector3| self.settings.periodic.wrap(x);
+        let middles = self.chains.iter().map(|c| wrap(&c.centre));
+        middles.enumerate().collect()
+    }
+
     /// Pair distribution g(r) of the fibres' middles in a box that repeats along all axes, in bins of equal width up to `range` \[m\],
     /// at most half the shortest edge: pairs by those of as many points at random. Zero in a box that does not repeat.
     ///
