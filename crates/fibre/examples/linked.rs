@@ -83,6 +83,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         skin: 2.0,
         periodic,
         shear_rate: 1.0,
+        walls: Vec::new(),
+        piston: None,
+        grips: None,
     };
     let communicator = Communicator::single();
     let flow = |x: &Vector3, _: f64| AmbientFlow::Shear { rate: 1.0 }.at(x);

@@ -103,6 +103,9 @@ pub enum FibreError {
     /// Linked fibres on more than one rank.
     #[error("linked fibres run on one rank; threads share the work there")]
     LinkedRanks,
+    /// A wall of linked fibres that is no plane.
+    #[error("walls of linked fibres are planes with a point and a normal")]
+    LinkedWall,
     /// The equilibrium shape has another number of nodes than the fibre.
     #[error("fibre {fibre} has {nodes} nodes but its equilibrium shape has {equilibrium}")]
     EquilibriumSize {

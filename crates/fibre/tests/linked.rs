@@ -32,6 +32,9 @@ fn by(scheme: LinkedScheme) -> LinkedSettings {
         skin: 3.0,
         periodic: PeriodicBox::unbounded(),
         shear_rate: 0.0,
+        walls: Vec::new(),
+        piston: None,
+        grips: None,
     }
 }
 

@@ -93,6 +93,9 @@ fn floc(without: Without, scheme: LinkedScheme) -> LinkedSystem {
             lengths: [Some(200.0); 3],
         },
         shear_rate: 0.0,
+        walls: Vec::new(),
+        piston: None,
+        grips: None,
     };
     LinkedSystem::new(
         &Communicator::single(),

@@ -115,4 +115,11 @@ pub enum PostCommand {
         /// CSV file to write.
         out: PathBuf,
     },
+    /// Writes all linked fibres of the newest checkpoint, each where its middle lies in the periodic box, as such a file.
+    ExtractFibres {
+        /// Folder of the run.
+        run: PathBuf,
+        /// CSV file to write.
+        out: PathBuf,
+    },
 }

@@ -109,6 +109,19 @@ pub fn describe(scene: &Scene, case: &Case) -> Vec<String> {
                     "implicit, joints and friction solved together",
             }
         ));
+        if let Some(grips) = &case.grips {
+            lines.push(format!(
+                "  grips: {} points of fibres, planes apart by {:.3e} m/s",
+                linked.grips().len(),
+                2.0 * grips.speed
+            ));
+        }
+        if let Some(piston) = &case.piston {
+            lines.push(format!(
+                "  piston: {:.3e} kg, {:.3e} N, stops at a volume fraction of {}",
+                piston.mass, piston.weight, piston.volume_fraction
+            ));
+        }
     }
     for (k, group) in case.fibres.iter().enumerate() {
         let area = std::f64::consts::PI * group.diameter * group.diameter / 4.0;

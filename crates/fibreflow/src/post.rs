@@ -5,19 +5,20 @@ use crate::checkpoint;
 use crate::error::{ProgramError, agree};
 use crate::scene::{linked_settings, prescribed_box};
 use fibreflow_fibre::linked::LinkedSystem;
-use fibreflow_fibre::{FibreRecord, FibreState};
+use fibreflow_fibre::{FibreRecord, FibreState, Vector3};
 use fibreflow_parallel::Communicator;
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::Path;
 
-/// The largest floc of the newest checkpoint of a run as a file of frames, its middle in the origin. Collective.
+/// Some fibres of the newest checkpoint of a run, and where their middles are, as a file of frames. Collective.
 ///
 /// # Errors
 /// A run without linked fibres, without a checkpoint; a file that cannot be written.
-pub fn extract_floc(
+pub fn extract(
     run: &Path,
     out: &Path,
+    which: impl Fn(&LinkedSystem) -> Vec<(usize, Vector3)>,
     communicator: &Communicator,
 ) -> Result<(), ProgramError> {
     let loaded = case::load(&run.join("case.toml"), &[]).map_err(ProgramError::from);
@@ -39,9 +40,9 @@ pub fn extract_floc(
     let mut system =
         LinkedSystem::new(communicator, settings, Vec::new()).map_err(ProgramError::input)?;
     system.restore(state).map_err(ProgramError::input)?;
-    let floc = system.largest_floc();
+    let fibres = which(&system);
     let mut text = String::from("fibre,x,y,z,q0,q1,q2,q3\n");
-    for (fibre, middle) in &floc {
+    for (fibre, middle) in &fibres {
         let nodes = &system.nodes()[system.offsets()[*fibre] + fibre..];
         let segments = system.offsets()[*fibre]..system.offsets()[fibre + 1];
         let shift = middle - system.centre(*fibre);
@@ -62,7 +63,7 @@ pub fn extract_floc(
         std::io::stdout(),
         "{}: {} of {} fibres, at {:.6e} s",
         out.display(),
-        floc.len(),
+        fibres.len(),
         system.fibres(),
         system.time()
     );

@@ -4,6 +4,7 @@ use crate::cli::{Cli, Command, PostCommand};
 use crate::error::{FAILED, ProgramError, agree, report, stop_all};
 use crate::{check, info, post, run, sweep};
 use clap::Parser;
+use fibreflow_fibre::linked::LinkedSystem;
 use fibreflow_parallel::Communicator;
 use std::process::ExitCode;
 
@@ -88,7 +89,12 @@ fn dispatch(command: &Command, communicator: &Communicator) -> Result<(), End> {
         Command::Mesh(arguments) => check::mesh(arguments, communicator).map_err(End::Together),
         Command::Post {
             command: PostCommand::ExtractFloc { run, out },
-        } => post::extract_floc(run, out, communicator).map_err(End::Together),
+        } => {
+            post::extract(run, out, LinkedSystem::largest_floc, communicator).map_err(End::Together)
+        }
+        Command::Post {
+            command: PostCommand::ExtractFibres { run, out },
+        } => post::extract(run, out, LinkedSystem::in_box, communicator).map_err(End::Together),
         Command::Sweep(arguments) => on_root(&|| sweep::sweep(arguments)),
         Command::Info { file } => on_root(&|| info::info(file)),
         Command::Run(arguments) => {

@@ -14,18 +14,29 @@ pub(super) const TOLERANCE: f64 = 1e-4;
 /// The same in the turns within a contact.
 const LOCAL: f64 = 1e-9;
 /// Least answer of a contact to its own repulsion, by the sum of its answers.
-const LEAST: f64 = 1e-9;
+pub(super) const LEAST: f64 = 1e-9;
 /// Turns of repulsion and friction in a contact that slides.
 const TURNS: usize = 20;
 /// Sweeps after which the forces are taken as they are.
 const MOST: usize = 200;
 
+/// What a contact is, by its index among those of its kind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Source {
+    /// Two segments.
+    Touch(usize),
+    /// A segment and a wall.
+    Press(usize),
+    /// A segment and a grip: along d₀ the velocity is zero whatever force that takes, across it nothing is held.
+    Grip(usize),
+}
+
 /// One contact.
 #[derive(Clone, Debug)]
 pub(super) struct Contact {
-    /// Index among the touches.
-    pub touch: usize,
-    /// Segments.
+    /// What it is.
+    pub source: Source,
+    /// Segments; the second one is that of a touch alone.
     pub segments: [u32; 2],
     /// From the segments' centres to the contact \[m\].
     pub arms: [Vector3; 2],
@@ -44,6 +55,19 @@ pub(super) struct Contact {
 }
 
 impl Contact {
+    /// How many segments it has.
+    pub fn sides(&self) -> usize {
+        match self.source {
+            Source::Touch(_) => 2,
+            Source::Press(_) | Source::Grip(_) => 1,
+        }
+    }
+
+    /// Whether a grip holds.
+    pub fn grips(&self) -> bool {
+        matches!(self.source, Source::Grip(_))
+    }
+
     /// The plane of contact.
     pub fn directions(normal: &Vector3) -> Matrix3 {
         let first = across(normal);
@@ -68,7 +92,7 @@ pub(super) struct Coupling {
     pub starts: Vec<usize>,
     /// Contact of each side.
     pub contact: Vec<u32>,
-    /// By contact and side: fibre and place among its sides.
+    /// By contact and side: fibre and place among its sides; the second one of a contact with one side is the first again.
     pub place: Vec<[(u32, u32); 2]>,
     /// First block of each fibre; block (i, j) of a fibre with m sides is at i m + j.
     pub block_starts: Vec<usize>,
@@ -79,7 +103,9 @@ impl Coupling {
     /// Sum over other contacts, and the contact's own block.
     pub fn row(&self, c: usize, force: impl Fn(usize) -> Vector3) -> (Vector3, Matrix3) {
         let (mut moved, mut own) = (Vector3::zeros(), Matrix3::zeros());
-        for (fibre, place) in self.place[c] {
+        let [first, second] = self.place[c];
+        let sides = if first == second { 1 } else { 2 };
+        for (fibre, place) in [first, second].into_iter().take(sides) {
             let sides = self.starts[fibre as usize]..self.starts[fibre as usize + 1];
             let first = self.block_starts[fibre as usize] + place as usize * sides.len();
             for (block, &other) in self.blocks[first..].iter().zip(&self.contact[sides]) {
@@ -160,7 +186,11 @@ pub(super) fn sweep(
         let (moved, own) = coupling.row(c, |other| contacts[other].force);
         let contact = &contacts[c];
         let free = contact.free + moved;
-        let force = local(contact, &free, &own, friction(contact), law);
+        let force = if contact.grips() {
+            Vector3::new(-free.x / (own[(0, 0)] + LEAST * own.trace()), 0.0, 0.0)
+        } else {
+            local(contact, &free, &own, friction(contact), law)
+        };
         change += (force - contact.force).norm_squared();
         size += force.norm_squared();
         contacts[c].force = force;
@@ -276,7 +306,7 @@ mod tests {
 
     fn contact(gap: f64) -> Contact {
         Contact {
-            touch: 0,
+            source: Source::Touch(0),
             segments: [0, 1],
             arms: [Vector3::zeros(); 2],
             directions: Matrix3::identity(),

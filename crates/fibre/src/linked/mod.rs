@@ -8,20 +8,26 @@
 mod cone;
 mod fibre;
 mod friction;
+mod grips;
 mod groups;
 mod implicit;
 mod joints;
 mod mobility;
 mod newton;
 mod observe;
+mod settings;
 mod state;
 mod step;
 mod structure;
 mod system;
 mod touch;
+mod walls;
 
 pub use fibre::{Joint, LinkedFibre};
+pub use grips::{Grip, Grips};
 pub use observe::LinkedStatistics;
+pub use settings::{LinkedScheme, LinkedSettings};
 pub use structure::ContactLoads;
-pub use system::{LinkedScheme, LinkedSettings, LinkedSystem};
+pub use system::LinkedSystem;
 pub use touch::Touch;
+pub use walls::Piston;

@@ -4,7 +4,7 @@
 //! Its matrix is G + diag(λ/Δt f₀); corrections are found by conjugate gradients, preconditioned by each contact's own block, and a
 //! sweep over the contacts brings small forces to size that a linear step would make negative.
 
-use super::cone::{Contact, Coupling, Law, TOLERANCE, sweep};
+use super::cone::{Contact, Coupling, LEAST, Law, TOLERANCE, sweep};
 use crate::{Matrix3, Vector3};
 
 /// Corrections before the forces are taken as they are.
@@ -14,7 +14,7 @@ const INEXACT: f64 = 0.1;
 /// Repulsions below this part of the strength count as this much: what opens widely has none.
 const FAINT: f64 = 1e-12;
 /// A correction leaves at least this part of a repulsion.
-const LEAST: f64 = 0.1;
+const KEPT: f64 = 0.1;
 
 /// Forces as if all that rubs and does not slide sticks, and what slides has no friction; returns the number of sweeps, products
 /// with the matrix among them.
@@ -54,10 +54,17 @@ fn correct(
     for (c, contact) in contacts.iter().enumerate() {
         let (moved, own) = coupling.row(c, |other| contacts[other].force);
         let velocity = contact.free + moved + own * contact.force;
-        let normal = contact.force.x.max(FAINT * law.strength);
-        let gap = contact.gap + law.decay * (normal / law.strength).ln();
+        // Grips are as soft as a sweep has them; their gap does not count.
+        let (gap, softness) = if contact.grips() {
+            let softness = LEAST * own.trace();
+            (softness * contact.force.x * law.step, softness)
+        } else {
+            let normal = contact.force.x.max(FAINT * law.strength);
+            let gap = contact.gap + law.decay * (normal / law.strength).ln();
+            (gap, law.decay / (law.step * normal))
+        };
         residual.push(kept(c, -velocity - Vector3::x() * (gap / law.step)));
-        slope.push(law.decay / (law.step * normal));
+        slope.push(softness);
         let mut block = own;
         block[(0, 0)] += slope[c];
         let whole = if held[c] { block.try_inverse() } else { None };
@@ -102,9 +109,11 @@ fn correct(
         rho = next;
     }
     for (contact, step) in contacts.iter_mut().zip(step) {
-        let least = LEAST * contact.force.x.max(FAINT * law.strength);
+        let least = KEPT * contact.force.x.max(FAINT * law.strength);
         contact.force += step;
-        contact.force.x = contact.force.x.max(least);
+        if !contact.grips() {
+            contact.force.x = contact.force.x.max(least);
+        }
     }
     passes
 }

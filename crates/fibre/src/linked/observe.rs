@@ -1,5 +1,6 @@
 //! What is seen of linked fibres.
 
+use super::grips::Grip;
 use super::joints::Strain;
 use super::system::LinkedSystem;
 use super::touch::Touch;
@@ -119,6 +120,33 @@ impl LinkedSystem {
         let (velocity, gradient) = flow;
         let slip = velocity - s.velocity;
         mobility.drag(axis, &slip, &(mobility.turned(axis, gradient) - s.spin))
+    }
+
+    /// What the piston has travelled \[m\], and its speed \[m/s\].
+    pub fn piston(&self) -> [f64; 2] {
+        [self.walls.travelled, self.walls.speed]
+    }
+
+    /// Force of the fibres on each wall in the last step, against its normal \[N\].
+    pub fn wall_loads(&self) -> Vec<f64> {
+        self.walls.loads(&self.walls.solved)
+    }
+
+    /// Force of the fibres on the piston in the last step \[N\].
+    pub fn piston_load(&self) -> f64 {
+        let piston = self.settings.piston.as_ref();
+        piston.map_or(0.0, |p| self.wall_loads()[p.wall])
+    }
+
+    /// What the grips hold, with the forces of the last step.
+    pub fn grips(&self) -> &[Grip] {
+        &self.grips
+    }
+
+    /// Half the force with which the planes of the grips pull the fibres apart in the last step, T of S 2.115 \[N\].
+    pub fn tension(&self) -> f64 {
+        let pull = |g: &Grip| if g.plane == 0 { -g.force } else { g.force };
+        0.5 * self.grips.iter().map(pull).sum::<f64>()
     }
 
     /// Figures of the present state.

@@ -1,7 +1,10 @@
 //! State of linked fibres for checkpoints.
 
 use super::fibre::{Joint, LinkedFibre};
+use super::grips::Grip;
 use super::system::LinkedSystem;
+use super::touch::Touch;
+use super::walls::Press;
 use crate::state::{Reader, Words};
 use crate::{FibreError, FibreRecord, FibreState, Vector3};
 use nalgebra::Quaternion as Parameters;
@@ -9,17 +12,31 @@ use nalgebra::Quaternion as Parameters;
 const TIME: &str = "linked.time";
 const STEP: &str = "linked.step";
 const TRIAL: &str = "linked.trial";
+const TRAVELLED: &str = "linked.piston.travelled";
+const SPEED: &str = "linked.piston.speed";
+/// Marks the second id of a force as that of a wall or grip, not a segment.
+const OTHER: u64 = 1 << 63;
+/// Of a grip, with [`OTHER`].
+const GRIP: u64 = 1 << 62;
+
+/// A force of the last step: what it is between, its size and the rest of it.
+type Force = ([u64; 2], f64, Vector3);
 
 impl LinkedSystem {
     /// All that decides how the fibres move on, given the settings: a restored system goes on bit by bit.
     pub fn state(&self) -> FibreState {
+        let mut scalars = vec![
+            (TIME.into(), self.time),
+            (STEP.into(), self.last_step),
+            (TRIAL.into(), self.trial),
+        ];
+        if self.settings.piston.is_some() {
+            scalars.push((TRAVELLED.into(), self.walls.travelled));
+            scalars.push((SPEED.into(), self.walls.speed));
+        }
         FibreState {
             records: (0..self.fibres()).map(|f| self.record(f)).collect(),
-            scalars: vec![
-                (TIME.into(), self.time),
-                (STEP.into(), self.last_step),
-                (TRIAL.into(), self.trial),
-            ],
+            scalars,
         }
     }
 
@@ -52,6 +69,17 @@ impl LinkedSystem {
             words.numbers(&[touch.repulsion]);
             words.numbers(touch.friction.as_slice());
         }
+        for press in (self.walls.solved.iter()).filter(|p| own.contains(&p.segment)) {
+            let wall = 2 * u64::from(press.wall) + u64::from(press.end > 0);
+            let id = self.neighbours.id(press.segment as usize);
+            words.0.extend([id, OTHER | wall]);
+            words.numbers(&[press.push, 0.0, 0.0, 0.0]);
+        }
+        for grip in self.grips.iter().filter(|g| own.contains(&g.segment)) {
+            let id = self.neighbours.id(grip.segment as usize);
+            words.0.extend([id, OTHER | GRIP | u64::from(grip.plane)]);
+            words.numbers(&[grip.force, grip.along, 0.0, 0.0]);
+        }
         let (id, words) = (chain.id, words.0);
         FibreRecord { id, words }
     }
@@ -67,6 +95,7 @@ impl LinkedSystem {
         };
         (self.time, self.last_step) = (scalar(TIME), scalar(STEP));
         self.trial = scalar(TRIAL);
+        (self.walls.travelled, self.walls.speed) = (scalar(TRAVELLED), scalar(SPEED));
         state.records.sort_by_key(|record| record.id);
         self.chains.clear();
         self.segments.clear();
@@ -82,11 +111,7 @@ impl LinkedSystem {
         Ok(())
     }
 
-    fn read(
-        &mut self,
-        record: &FibreRecord,
-        forces: &mut Vec<([u64; 2], f64, Vector3)>,
-    ) -> Result<(), FibreError> {
+    fn read(&mut self, record: &FibreRecord, forces: &mut Vec<Force>) -> Result<(), FibreError> {
         let mut reader = Reader {
             fibre: record.id,
             words: &record.words,
@@ -146,5 +171,49 @@ impl LinkedSystem {
             chain.rate = rate;
         }
         Ok(())
+    }
+
+    /// Takes over the forces of a checkpoint.
+    fn remember(&mut self, forces: &[Force]) {
+        self.solved.clear();
+        self.walls.solved.clear();
+        self.grips.clear();
+        for &([a, b], size, rest) in forces {
+            let Some(segment) = self.neighbours.find(a) else {
+                continue;
+            };
+            if b & OTHER == 0 {
+                let pair = self.neighbours.find(b).map(|b| [segment, b]);
+                let at = pair.map(|pair| self.touches.binary_search_by_key(&pair, |t| t.segments));
+                if let Some(Ok(at)) = at {
+                    self.solved.push(Touch {
+                        repulsion: size,
+                        friction: rest,
+                        ..self.touches[at]
+                    });
+                }
+            } else if b & GRIP == 0 {
+                let end = if b & 1 == 0 { -1 } else { 1 };
+                let key = (segment, end, ((b & !OTHER) / 2) as u32);
+                let presses = &self.walls.presses;
+                if let Ok(at) = presses.binary_search_by_key(&key, Press::key) {
+                    let press = Press {
+                        push: size,
+                        ..presses[at]
+                    };
+                    self.walls.solved.push(press);
+                }
+            } else if self.settings.grips.is_some() {
+                self.grips.push(Grip {
+                    segment,
+                    plane: (b & 1) as u8,
+                    along: rest.x,
+                    force: size,
+                });
+            }
+        }
+        self.solved.sort_by_key(|t| t.segments);
+        self.walls.solved.sort_by_key(Press::key);
+        self.grips.sort_by_key(|g| (g.segment, g.plane));
     }
 }

@@ -4,10 +4,12 @@
 //! the repulsion itself is not linearised). Flow, resistances and levers are those of the middle, foreseen by the motion of the
 //! step before, so that what is not stiff moves with second order.
 
-use super::cone::{self, Contact, Coupling, Law};
+use super::cone::{self, Contact, Coupling, Law, Source};
+use super::grips::Grips;
 use super::implicit::{Unknown, Work, assemble, solve};
 use super::system::{Chain, LinkedSystem, Segment, each};
 use super::touch::Touch;
+use super::walls::Press;
 use crate::contact::Repulsion;
 use crate::{FibreError, FlowFormula, Matrix3, Quaternion, Vector3};
 use rayon::prelude::*;
@@ -18,6 +20,8 @@ const DRIFT: f64 = 0.05;
 const SHORTEST: f64 = 1.0 / 4096.0;
 /// Gap by decay length from which deeper pairs are pushed apart in a step: fibres that overlap at the start come apart in several.
 const DEEPEST: f64 = -12.0;
+/// Part of what a gripped point has strayed from its plane that a step takes back.
+const BACK: f64 = 0.1;
 /// A pair is solved for if its gap can fall within range when it closes this much faster than it does without forces.
 const FASTER: f64 = 2.0;
 
@@ -81,23 +85,31 @@ impl LinkedSystem {
         let mut contacts = self.contacts(&work, step);
         if !contacts.is_empty() {
             let coupling = couple(&self.chains, &self.offsets, &work, &contacts);
-            if let Some(law) = &self.settings.repulsion {
-                let law = Law {
-                    strength: law.strength,
-                    decay: law.decay,
-                    friction: self.settings.friction,
-                    step,
-                };
-                self.counts.sweeps += cone::solve(&mut contacts, &coupling, &law);
-            }
+            // Without repulsion there are grips alone, which do not ask for it.
+            let [strength, decay] =
+                (self.settings.repulsion).map_or([1.0; 2], |r| [r.strength, r.decay]);
+            let law = Law {
+                strength,
+                decay,
+                friction: self.settings.friction,
+                step,
+            };
+            self.counts.sweeps += cone::solve(&mut contacts, &coupling, &law);
             for c in &contacts {
                 let force = c.directions * c.force;
-                add(&self.chains, &mut work, c.segments, &c.arms, &force);
-                let touch = &mut self.touches[c.touch];
-                touch.repulsion = c.force.x;
-                touch.push += c.force.x;
-                touch.friction = force + touch.normal * c.force.x;
-                touch.slides = c.slides;
+                let sides = &c.segments[..c.sides()];
+                add(&self.chains, &mut work, sides, &c.arms, &force);
+                match c.source {
+                    Source::Touch(k) => {
+                        let touch = &mut self.touches[k];
+                        touch.repulsion = c.force.x;
+                        touch.push += c.force.x;
+                        touch.friction = force + touch.normal * c.force.x;
+                        touch.slides = c.slides;
+                    }
+                    Source::Press(k) => self.walls.presses[k].push = c.force.x,
+                    Source::Grip(k) => self.grips[k].force = c.force.x,
+                }
             }
             move_with_joints(&mut self.chains, &mut work);
         }
@@ -159,18 +171,90 @@ impl LinkedSystem {
                 if touch.push != 0.0 {
                     let force = touch.normal * -touch.push;
                     let arms = arms(touch, &self.segments, work, half);
-                    add(&self.chains, work, touch.segments, &arms, &force);
+                    add(&self.chains, work, &touch.segments, &arms, &force);
                 }
             }
         }
+        self.walls.presses.iter_mut().for_each(|p| p.push = 0.0);
         move_with_joints(&mut self.chains, work);
     }
 
-    /// Pairs that can come within range in the step, with the forces of the last step to start from.
+    /// Pairs that can come within range in the step, with the forces of the last step to start from; then walls and grips.
     fn contacts(&self, work: &[Work], step: f64) -> Vec<Contact> {
-        let Some(law) = &self.settings.repulsion else {
-            return Vec::new();
+        let mut contacts = Vec::new();
+        if let Some(law) = &self.settings.repulsion {
+            contacts = self.pairs(law, work, step);
+            contacts.extend(self.at_walls(law, work, step));
+        }
+        contacts.extend(self.at_grips(work, step));
+        contacts
+    }
+
+    fn at_walls<'a>(
+        &'a self,
+        law: &'a Repulsion,
+        work: &'a [Work],
+        step: f64,
+    ) -> impl Iterator<Item = Contact> + 'a {
+        let walls = &self.walls;
+        let piston = walls.next_speed(&walls.solved, step);
+        let contact = move |(k, press): (usize, &Press)| {
+            let w = &work[press.segment as usize];
+            let chain = &self.chains[w.segment.chain as usize];
+            let arm = w.segment.axis * (chain.half_length * f64::from(press.end));
+            let speed = walls.speed_of(press.wall, piston);
+            let directions = Contact::directions(&-press.normal);
+            let free =
+                directions.tr_mul(&(w.moves[0] + w.moves[1].cross(&arm) - press.normal * speed));
+            let coming = step * (FASTER * free.x).min(free.x).min(0.0);
+            if press.gap + coming >= law.range {
+                return None;
+            }
+            let before = walls.solved.binary_search_by_key(&press.key(), Press::key);
+            let push = before.map_or(0.0, |at| walls.solved[at].push);
+            Some(Contact {
+                source: Source::Press(k),
+                segments: [press.segment; 2],
+                arms: [arm; 2],
+                directions,
+                gap: press.gap.max(DEEPEST * law.decay),
+                free,
+                force: Vector3::x() * push,
+                rubs: false,
+                slides: false,
+            })
         };
+        walls.presses.iter().enumerate().filter_map(contact)
+    }
+
+    fn at_grips<'a>(&'a self, work: &'a [Work], step: f64) -> impl Iterator<Item = Contact> + 'a {
+        let contact = move |about: &'a Grips| {
+            let directions = Contact::directions(&-about.axis);
+            self.grips.iter().enumerate().map(move |(k, grip)| {
+                let (w, s) = (&work[grip.segment as usize], grip.segment as usize);
+                let s = &self.segments[s];
+                let (arm, now) = (w.segment.axis * grip.along, s.centre + s.axis * grip.along);
+                let plane = usize::from(grip.plane);
+                let strayed = about.place(plane, self.time) - about.axis.dot(&now);
+                let speed = about.speed_of(plane) + BACK * strayed / step;
+                let velocity = w.moves[0] + w.moves[1].cross(&arm) - about.axis * speed;
+                Contact {
+                    source: Source::Grip(k),
+                    segments: [grip.segment; 2],
+                    arms: [arm; 2],
+                    directions,
+                    gap: 0.0,
+                    free: directions.tr_mul(&velocity),
+                    force: Vector3::x() * grip.force,
+                    rubs: false,
+                    slides: false,
+                }
+            })
+        };
+        self.settings.grips.iter().flat_map(contact)
+    }
+
+    fn pairs(&self, law: &Repulsion, work: &[Work], step: f64) -> Vec<Contact> {
         let half = if self.last_step > 0.0 {
             0.5 * step
         } else {
@@ -200,7 +284,7 @@ impl LinkedSystem {
                 force
             });
             Some(Contact {
-                touch: k,
+                source: Source::Touch(k),
                 segments: touch.segments,
                 arms,
                 directions,
@@ -235,25 +319,8 @@ impl LinkedSystem {
         self.implicit.work = work;
         self.regrow();
         std::mem::swap(&mut self.touches, &mut self.solved);
-    }
-
-    /// Takes over the forces of a checkpoint.
-    pub(super) fn remember(&mut self, forces: &[([u64; 2], f64, Vector3)]) {
-        self.solved.clear();
-        for (ids, repulsion, friction) in forces {
-            let [Some(a), Some(b)] = ids.map(|id| self.neighbours.find(id)) else {
-                continue;
-            };
-            let at = self.touches.binary_search_by_key(&[a, b], |t| t.segments);
-            if let Ok(at) = at {
-                self.solved.push(Touch {
-                    repulsion: *repulsion,
-                    friction: *friction,
-                    ..self.touches[at]
-                });
-            }
-        }
-        self.solved.sort_by_key(|t| t.segments);
+        let speed = self.walls.next_speed(&self.walls.solved, step);
+        self.walls.advance(speed, step);
     }
 }
 
@@ -287,12 +354,12 @@ fn arms(touch: &Touch, segments: &[Segment], work: &[Work], half: f64) -> [Vecto
 fn add(
     chains: &[Chain],
     work: &mut [Work],
-    segments: [u32; 2],
+    segments: &[u32],
     arms: &[Vector3; 2],
     force: &Vector3,
 ) {
-    for (k, sign) in [(0, 1.0), (1, -1.0)] {
-        let w = &mut work[segments[k] as usize];
+    for (k, (&segment, sign)) in segments.iter().zip([1.0, -1.0]).enumerate() {
+        let w = &mut work[segment as usize];
         let s: &Segment = &w.segment;
         let mobility = &chains[s.chain as usize].mobility;
         w.load[0] += mobility.velocity(&s.axis, &(force * sign));
@@ -318,21 +385,24 @@ fn couple(chains: &[Chain], offsets: &[usize], work: &[Work], contacts: &[Contac
     let fibre = |c: &Contact, k: usize| work[c.segments[k] as usize].segment.chain as usize;
     let mut starts = vec![0; chains.len() + 1];
     for c in contacts {
-        (0..2).for_each(|k| starts[fibre(c, k) + 1] += 1);
+        (0..c.sides()).for_each(|k| starts[fibre(c, k) + 1] += 1);
     }
     for f in 0..chains.len() {
         starts[f + 1] += starts[f];
     }
     let mut next = starts.clone();
-    let mut sides = vec![(0, 0); 2 * contacts.len()];
+    let mut sides = vec![(0, 0); starts[chains.len()]];
     let mut place = Vec::with_capacity(contacts.len());
     for (at, c) in contacts.iter().enumerate() {
-        place.push([0, 1].map(|k| {
+        let mut side = |k: usize| {
             let f = fibre(c, k);
             sides[next[f]] = (at as u32, k);
             next[f] += 1;
             (f as u32, (next[f] - 1 - starts[f]) as u32)
-        }));
+        };
+        let first = side(0);
+        let second = if c.sides() == 2 { side(1) } else { first };
+        place.push([first, second]);
     }
     let mut block_starts = vec![0; chains.len() + 1];
     for f in 0..chains.len() {

@@ -2,7 +2,8 @@
 
 use super::groups::root;
 use super::joints::Strain;
-use super::system::{LinkedScheme, LinkedSystem};
+use super::settings::LinkedScheme;
+use super::system::LinkedSystem;
 use super::touch::Touch;
 use crate::contact::broad::search;
 use crate::contact::images::Images;
@@ -84,6 +85,13 @@ impl LinkedSystem {
         members.iter_mut().for_each(|(_, x)| *x -= middle);
         members.sort_by_key(|(fibre, _)| *fibre);
         members
+    }
+
+    /// All fibres, with their middles moved by whole periods into the periodic box \[m\].
+    pub fn in_box(&self) -> Vec<(usize, Vector3)> {
+        let wrap = |x: &Vector3| self.settings.periodic.wrap(x);
+        let middles = self.chains.iter().map(|c| wrap(&c.centre));
+        middles.enumerate().collect()
     }
 
     /// Pair distribution g(r) of the fibres' middles in a box that repeats along all axes, in bins of equal width up to `range` \[m\],

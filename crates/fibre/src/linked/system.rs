@@ -2,47 +2,18 @@
 
 use super::fibre::{Joint, LinkedFibre};
 use super::friction;
+use super::grips::{self, Grip};
 use super::groups::Groups;
 use super::joints::{Strain, Workspace, hold, push};
 use super::mobility::Mobility;
+use super::settings::{LinkedScheme, LinkedSettings};
 use super::step::{Counts, Scratch};
 use super::touch::{Neighbours, Touch};
-use crate::contact::{ContactError, Far, Repulsion};
-use crate::hydrodynamics::SpheroidRatio;
-use crate::{FibreError, FibreSystem, FlowFormula, PeriodicBox, Quaternion, Vector3};
+use super::walls::Walls;
+use crate::contact::ContactError;
+use crate::{FibreError, FibreSystem, FlowFormula, Quaternion, Vector3};
 use fibreflow_parallel::Communicator;
 use nalgebra::Quaternion as Parameters;
-
-/// How a step is taken.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum LinkedScheme {
-    /// Scheme A: explicit, friction with the joint forces of the step before (S 2.9.2).
-    #[default]
-    Explicit,
-    /// Scheme B: bending, twist and repulsion implicit, joints and friction solved together.
-    Implicit,
-}
-
-/// Settings of linked fibres.
-#[derive(Clone, Debug)]
-pub struct LinkedSettings {
-    /// How a step is taken.
-    pub scheme: LinkedScheme,
-    /// Dynamic viscosity of the fluid \[Pa·s\].
-    pub viscosity: f64,
-    /// The spheroid that stands for a segment; Switzer's is [`SpheroidRatio::Bretherton`].
-    pub spheroid: SpheroidRatio,
-    /// Repulsion, and the gap below which segments rub; none for fibres that pass through each other.
-    pub repulsion: Option<Repulsion>,
-    /// Static and kinetic coefficient of friction.
-    pub friction: [f64; 2],
-    /// Pairs nearer than this beyond the range of repulsion are kept between searches \[m\].
-    pub skin: f64,
-    /// Directions in which the domain repeats.
-    pub periodic: PeriodicBox,
-    /// Rate at which the box is sheared, that above moving along x \[1/s\] (Lees & Edwards 1972).
-    pub shear_rate: f64,
-}
 
 /// Constants of one fibre.
 #[derive(Clone, Debug)]
@@ -105,6 +76,9 @@ pub struct LinkedSystem {
     pub(super) touches: Vec<Touch>,
     /// Contacts of the last step with the forces that they had.
     pub(super) solved: Vec<Touch>,
+    pub(super) walls: Walls,
+    /// Points that the grips hold, in the order of the segments.
+    pub(super) grips: Vec<Grip>,
     groups: Groups,
     /// Simulated time \[s\].
     pub(super) time: f64,
@@ -123,13 +97,15 @@ impl LinkedSystem {
     /// Fibres or settings that cannot be used, two fibres with one id, more than one rank.
     pub fn new(
         communicator: &Communicator,
-        settings: LinkedSettings,
+        mut settings: LinkedSettings,
         mut fibres: Vec<LinkedFibre>,
     ) -> Result<Self, FibreError> {
         if communicator.size() > 1 {
             return Err(FibreError::LinkedRanks);
         }
         settings.check()?;
+        settings.grips = settings.grips.map(|g| g.check()).transpose()?;
+        let walls = Walls::new(&settings.walls, settings.piston)?;
         fibres.sort_by_key(|f| f.id);
         let mut system = Self {
             settings,
@@ -139,6 +115,8 @@ impl LinkedSystem {
             neighbours: Neighbours::new(communicator.clone()),
             touches: Vec::new(),
             solved: Vec::new(),
+            walls,
+            grips: Vec::new(),
             groups: Groups::default(),
             time: 0.0,
             last_step: 0.0,
@@ -158,6 +136,9 @@ impl LinkedSystem {
         }
         system.regrow();
         system.find_touches()?;
+        if let Some(grips) = &system.settings.grips {
+            system.grips = grips.find(&system.chains, &system.segments);
+        }
         Ok(system)
     }
 
@@ -222,6 +203,8 @@ impl LinkedSystem {
         self.move_freely(flow);
         self.solve(step);
         self.integrate(step);
+        let speed = self.walls.next_speed(&self.walls.presses, step);
+        self.walls.advance(speed, step);
         self.time += step;
         self.last_step = step;
         self.check_finite()?;
@@ -259,9 +242,17 @@ impl LinkedSystem {
                 &(touch.normal * -touch.push),
             );
         }
+        for press in &self.walls.presses {
+            let s = &mut self.segments[press.segment as usize];
+            let chain = &self.chains[s.chain as usize];
+            let force = press.normal * press.push;
+            let lever = s.axis * (chain.half_length * f64::from(press.end));
+            s.velocity += chain.mobility.velocity(&s.axis, &force);
+            s.spin += chain.mobility.spin(&s.axis, &lever.cross(&force));
+        }
     }
 
-    /// Friction with the joint forces of the step before, then joint forces with that friction (S 2.9.2).
+    /// Friction with the forces of joints and grips of the step before, then these with that friction (S 2.9.2).
     fn solve(&mut self, step: f64) {
         let drift = BACK / step;
         if self.last_step == 0.0 {
@@ -277,6 +268,9 @@ impl LinkedSystem {
         if self.settings.friction != [0.0; 2] && self.touches.iter().any(|t| t.rubs) {
             self.groups.sort(&self.touches, self.segments.len());
             let mut held = self.segments.clone();
+            if let Some(about) = &self.settings.grips {
+                grips::load(&about.axis, &self.grips, &self.chains, &mut held);
+            }
             each(&mut self.chains, &mut held, &|chain, segments| {
                 push(chain, segments)
             });
@@ -290,6 +284,18 @@ impl LinkedSystem {
             for touch in &self.touches {
                 load(&self.chains, &mut self.segments, touch, &touch.friction);
             }
+        }
+        if let Some(about) = &self.settings.grips {
+            let (chains, segments) = (&self.chains, &self.segments);
+            grips::solve(
+                &mut self.grips,
+                about,
+                chains,
+                segments,
+                &self.offsets,
+                drift,
+            );
+            grips::load(&about.axis, &self.grips, chains, &mut self.segments);
         }
         each(&mut self.chains, &mut self.segments, &|chain, segments| {
             hold(chain, segments, drift, &mut Workspace::default());
@@ -358,8 +364,13 @@ impl LinkedSystem {
             segments,
             settings,
             touches,
+            walls,
+            chains,
+            time,
             ..
         } = self;
+        let law = settings.repulsion.as_ref();
+        walls.find(chains, segments, law, *time, more);
         neighbours.touches(segments, settings, strain, more, touches)
     }
 
@@ -425,49 +436,4 @@ pub(super) fn each<T: Of + Send>(
     let at = segments.partition_point(|s| (s.chain() as usize) < first);
     let (low, high) = segments.split_at_mut(at);
     rayon::join(|| each(left, low, work), || each(right, high, work));
-}
-
-impl LinkedSettings {
-    fn check(&self) -> Result<(), FibreError> {
-        let positive = |x: f64| x > 0.0 && x.is_finite();
-        let zero = |x: f64| x >= 0.0 && x.is_finite();
-        let [at_rest, sliding] = self.friction;
-        for (setting, value, good, requirement) in [
-            (
-                "fluid viscosity",
-                self.viscosity,
-                positive(self.viscosity),
-                "positive",
-            ),
-            ("skin", self.skin, positive(self.skin), "positive"),
-            (
-                "static friction",
-                at_rest,
-                zero(at_rest),
-                "zero or positive",
-            ),
-            (
-                "kinetic friction",
-                sliding,
-                zero(sliding),
-                "zero or positive",
-            ),
-            (
-                "shear_rate",
-                self.shear_rate,
-                self.shear_rate == 0.0 || self.periodic.lengths[1].is_some(),
-                "0 unless the box is periodic along y",
-            ),
-        ] {
-            if !good {
-                return Err(FibreError::Setting {
-                    setting,
-                    value,
-                    requirement,
-                });
-            }
-        }
-        Far::new(self.repulsion, None, None)?;
-        Ok(())
-    }
 }

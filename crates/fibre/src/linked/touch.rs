@@ -5,7 +5,8 @@ use crate::contact::broad::search;
 use crate::contact::images::Images;
 use crate::contact::travel::Travel;
 use crate::contact::{ContactError, Repulsion, Segments, closest_points};
-use crate::linked::system::{LinkedSettings, Segment};
+use crate::linked::settings::LinkedSettings;
+use crate::linked::system::Segment;
 use fibreflow_parallel::Communicator;
 use rayon::prelude::*;
 
@@ -50,7 +51,7 @@ impl Touch {
 }
 
 /// Gap by decay length below which repulsion no longer grows: the floor of the star floc's run.
-const DEEPEST: f64 = -3.0;
+pub(super) const DEEPEST: f64 = -3.0;
 
 /// The list of neighbours and what it is made from.
 pub(super) struct Neighbours {

@@ -1,7 +1,10 @@
 //! Rules for linked fibres.
 
 use super::validate::Checked;
-use super::{Case, Clamp, Document, DragLaw, FibreGroup, Joints, Kinematics, Placement, TorqueLaw};
+use super::{
+    Case, Clamp, ContactWall, Document, DragLaw, FibreGroup, Joints, Kinematics, Placement,
+    TorqueLaw,
+};
 
 /// What linked fibres need, and what they do not know.
 pub(super) fn check(case: &Case, document: &Document) -> Checked {
@@ -37,6 +40,13 @@ pub(super) fn check(case: &Case, document: &Document) -> Checked {
         check_group(group, k, document)?;
     }
     check_contacts(case, document)?;
+    check_piston(case, document)?;
+    if let Some(grips) = &case.grips
+        && grips.planes[0] >= grips.planes[1]
+    {
+        let error = document.value_error("grips.planes", "`grips.planes` are not in order");
+        return Err(error.with_help("the lower one first"));
+    }
     let observables = case.output.observables.as_ref();
     let refused = [
         ("hydrodynamics.fluid_inertia", laws.fluid_inertia),
@@ -85,6 +95,14 @@ fn only_linked(case: &Case, document: &Document) -> Checked {
     if observables.is_some_and(|o| o.pair_distance.is_some()) {
         return wrong("output.observables.pair_distance".to_owned());
     }
+    for (key, given) in [
+        ("piston", case.piston.is_some()),
+        ("grips", case.grips.is_some()),
+    ] {
+        if given {
+            return wrong(key.to_owned());
+        }
+    }
     let contact = case.contact.as_ref();
     if contact.is_some_and(|c| c.sliding_friction.is_some()) {
         return wrong("contact.sliding_friction".to_owned());
@@ -126,20 +144,38 @@ fn check_contacts(case: &Case, document: &Document) -> Checked {
             ("contact.stiffness", contact.stiffness.is_some()),
             ("contact.van_der_waals", contact.van_der_waals.is_some()),
             ("contact.lubrication", contact.lubrication.is_some()),
-            ("contact.walls", contact.walls.is_some()),
             ("contact.count_crossings", contact.count_crossings),
         ],
         document,
     )?;
-    let domain = case.domain();
-    if domain.is_some_and(|domain| domain.periodic != [true; 3]) {
-        let path = "ambient.domain.periodic";
-        let message = format!("`{path}`: linked fibres know no walls");
-        return Err(document
-            .error(path, message)
-            .with_help("a box that is periodic in all directions, or none"));
+    let walls = contact.walls.as_deref().unwrap_or_default();
+    let plane = |wall: &ContactWall| matches!(wall, ContactWall::Plane { .. });
+    match walls.iter().position(|wall| !plane(wall)) {
+        Some(k) => {
+            let path = format!("contact.walls[{k}].kind");
+            let error = document.value_error(&path, "linked fibres know plane walls alone");
+            Err(error.with_help("kind = \"plane\""))
+        }
+        None => Ok(()),
     }
-    Ok(())
+}
+
+/// A piston is a face of the box that is a wall.
+fn check_piston(case: &Case, document: &Document) -> Checked {
+    let Some(piston) = &case.piston else {
+        return Ok(());
+    };
+    let contact = case.contact.as_ref();
+    let walls = contact.is_some_and(|c| c.walls.is_none());
+    let axis = piston.face.axis();
+    let free = case.domain().is_some_and(|d| !d.periodic[axis]);
+    if walls && free {
+        return Ok(());
+    }
+    let message = "`piston.face` is no wall that fibres touch";
+    Err(document
+        .value_error("piston.face", message)
+        .with_help("`[contact]` without `walls`, and `ambient.domain` that is not periodic there"))
 }
 
 fn refuse(keys: &[(&str, bool)], document: &Document) -> Checked {

@@ -20,6 +20,7 @@ mod linked;
 mod loads;
 mod mechanics;
 mod mesh;
+mod network;
 mod observables;
 mod phase;
 mod population;
@@ -47,6 +48,7 @@ pub use force::PointForce;
 pub use loads::{Coefficients, Loads};
 pub use mechanics::{IntegratorKind, Mechanics};
 pub use mesh::{Ambient, BoxElement, Domain, MeshSource, PeriodicPair, Stretching};
+pub use network::{Face, Grips, Piston};
 pub use observables::Observables;
 pub use phase::{Phase, Solid};
 pub use population::{Axis, Orbits, Orientation, Quantity, Region, Shortfall, Spread};
@@ -90,6 +92,12 @@ pub struct Case {
     /// Contacts between segments and with walls; without this table there are none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub contact: Option<Contact>,
+    /// A face of the box that a weight presses on linked fibres.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub piston: Option<Piston>,
+    /// Planes that pull linked fibres apart.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub grips: Option<Grips>,
     /// How fibres advance in time.
     #[serde(default)]
     pub mechanics: Mechanics,

@@ -3,6 +3,7 @@
 mod fibres;
 mod linked;
 mod loads;
+mod network;
 mod progress;
 mod samples;
 mod save;
@@ -25,6 +26,7 @@ use crate::scene::Scene;
 use fibres::FibreSeries;
 use linked::StructureSeries;
 use loads::LoadSeries;
+use network::NetworkSeries;
 use progress::Progress;
 use samples::SampleOutput;
 use series::AllSeries;
@@ -70,6 +72,7 @@ pub struct Observers {
     loads: Option<LoadSeries>,
     fibres: Option<FibreSeries>,
     structure: Option<StructureSeries>,
+    network: NetworkSeries,
     statistics: Option<StatisticsOutput>,
     samples: Option<SampleOutput>,
     turbulence: TurbulenceSeries,
@@ -103,6 +106,7 @@ impl Observers {
             loads: LoadSeries::open(case, folder, scene, resumed.then_some(clock.step))?,
             fibres: FibreSeries::open(case, folder, scene, resumed.then_some(clock.step))?,
             structure: StructureSeries::open(case, folder, scene, resumed.then_some(clock.step))?,
+            network: NetworkSeries::open(case, folder, resumed.then_some(clock.step))?,
             statistics: StatisticsOutput::open(case, folder, scene, clock, kept)?,
             samples: SampleOutput::open(case, folder, scene, resumed.then_some(clock))?,
             turbulence: TurbulenceSeries::open(case, folder, scene, resumed.then_some(clock.step))?,
@@ -128,6 +132,7 @@ impl Observers {
     ) -> Result<(), ProgramError> {
         if !self.resumed {
             self.series.write(scene, clock, &Figures::default())?;
+            self.network.write(scene, clock)?;
             if let Some(fibres) = &mut self.fibres {
                 fibres.write(scene, clock)?;
             }
@@ -164,6 +169,7 @@ impl Observers {
         self.moved = true;
         if clock.is_due(&self.output.series) {
             self.series.write(scene, clock, figures)?;
+            self.network.write(scene, clock)?;
         }
         if let Some(loads) = self.loads.as_mut().filter(|l| l.is_due(clock)) {
             loads.write(scene, clock)?;
@@ -209,6 +215,7 @@ impl Observers {
         self.progress.last(clock, figures, log);
         if self.moved && !clock.is_due(&self.output.series) {
             self.series.write(scene, clock, figures)?;
+            self.network.write(scene, clock)?;
         }
         if let Some(loads) = self
             .loads
@@ -243,6 +250,7 @@ impl Observers {
 
     fn flush(&mut self) -> Result<(), ProgramError> {
         self.series.flush()?;
+        self.network.flush()?;
         self.turbulence.flush()?;
         self.loads.as_mut().map_or(Ok(()), LoadSeries::flush)?;
         self.fibres.as_mut().map_or(Ok(()), FibreSeries::flush)?;

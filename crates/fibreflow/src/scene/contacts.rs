@@ -19,16 +19,6 @@ pub fn settings(
     let contact = case.contact.as_ref()?;
     let stiffness = contact.stiffness?;
     let thickest = case.fibres.iter().map(|g| g.diameter).fold(0.0, f64::max);
-    let domain = case.domain();
-    let walls = match &contact.walls {
-        Some(walls) => {
-            let given = walls.iter();
-            given
-                .flat_map(|wall| given_walls(wall, case, mesh))
-                .collect()
-        }
-        None => domain.as_ref().map_or_else(Vec::new, |d| faces(d, case)),
-    };
     Some(ContactSettings {
         damping: NormalDamping::Ratio(contact.damping),
         friction: contact.friction,
@@ -36,12 +26,25 @@ pub fn settings(
         repulsion: contact.repulsion.as_ref().map(repulsion),
         van_der_waals: contact.van_der_waals.as_ref().map(van_der_waals),
         lubrication: lubrication(contact, case),
-        walls,
+        walls: walls(contact, case, mesh),
         shear_rate: shear_rate(case),
         count_crossings: contact.count_crossings,
         periodic: periodic_box(case, periods),
         ..ContactSettings::new(stiffness, contact.skin.unwrap_or(thickest))
     })
+}
+
+/// Those that the case gives, else the faces of the box that are not periodic: of every axis the lower one first.
+pub(super) fn walls(contact: &Contact, case: &Case, mesh: Option<&SceneMesh>) -> Vec<Wall> {
+    match &contact.walls {
+        Some(walls) => {
+            let given = walls.iter();
+            given
+                .flat_map(|wall| given_walls(wall, case, mesh))
+                .collect()
+        }
+        None => (case.domain()).map_or_else(Vec::new, |d| faces(&d, case)),
+    }
 }
 
 pub(super) fn repulsion(given: &case::Repulsion) -> Repulsion {

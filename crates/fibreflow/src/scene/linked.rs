@@ -1,12 +1,16 @@
 //! The linked fibres of a case, placed.
 
-use super::contacts::{repulsion, shear_rate};
+use super::contacts::{repulsion, shear_rate, walls};
 use super::fibres::fibre;
 use super::population::{PlacementReport, Populate};
-use crate::case::{Case, Form, IntegratorKind, Joints, Placement, Spheroid};
+use crate::case::{
+    self, Case, Document, Domain, Form, IntegratorKind, Joints, Placement, Spheroid,
+};
 use crate::error::ProgramError;
 use fibreflow_fibre::hydrodynamics::SpheroidRatio;
-use fibreflow_fibre::linked::{Joint, LinkedFibre, LinkedScheme, LinkedSettings, LinkedSystem};
+use fibreflow_fibre::linked::{
+    Grips, Joint, LinkedFibre, LinkedScheme, LinkedSettings, LinkedSystem, Piston,
+};
 use fibreflow_fibre::{Equilibrium, PeriodicBox};
 use fibreflow_parallel::Communicator;
 use nalgebra::Vector3;
@@ -21,7 +25,8 @@ pub fn place(
     communicator: &Communicator,
 ) -> Result<Option<(LinkedSystem, Vec<PlacementReport>)>, ProgramError> {
     let case = populate.case;
-    let (Some(ambient), Some(settings)) = (&case.ambient, settings(case, populate.periodic)) else {
+    let (Some(ambient), Some(mut settings)) = (&case.ambient, settings(case, populate.periodic))
+    else {
         return Ok(None);
     };
     let lines = populate.centre_lines()?;
@@ -65,6 +70,12 @@ pub fn place(
             fibres.push(linked);
         }
     }
+    if let (Some(given), Some(domain)) = (&case.piston, case.domain()) {
+        let volume =
+            |f: &LinkedFibre| 2.0 * f.half_length * f.frames.len() as f64 * PI * f.radius.powi(2);
+        let volume = fibres.iter().map(volume).sum();
+        settings.piston = Some(piston(given, &domain, volume, populate.document)?);
+    }
     let system = LinkedSystem::new(communicator, settings, fibres).map_err(ProgramError::input)?;
     Ok(Some((system, reports)))
 }
@@ -93,5 +104,39 @@ pub fn settings(case: &Case, periodic: PeriodicBox) -> Option<LinkedSettings> {
         skin: contact.and_then(|c| c.skin).unwrap_or(thickest),
         periodic,
         shear_rate: shear_rate(case),
+        walls: contact.map_or_else(Vec::new, |c| walls(c, case, None)),
+        piston: None,
+        grips: case.grips.as_ref().map(|grips| Grips {
+            axis: Vector3::ith(grips.axis as usize, 1.0),
+            planes: grips.planes,
+            speed: grips.speed,
+        }),
+    })
+}
+
+/// The piston of a case, for fibres of this volume \[m³\].
+fn piston(
+    given: &case::Piston,
+    domain: &Domain,
+    volume: f64,
+    document: &Document,
+) -> Result<Piston, ProgramError> {
+    let axis = given.face.axis();
+    let area = domain.size.iter().product::<f64>() / domain.size[axis];
+    let travel = domain.size[axis] - volume / (given.volume_fraction * area);
+    if travel < 0.0 {
+        let path = "piston.volume_fraction";
+        let message = format!("`{path}` is that of a larger box than the one at the start");
+        let least = volume / domain.size.iter().product::<f64>();
+        let error = document.value_error(path, message);
+        return Err(error.with_help(format!("above {least:.3e}")).into());
+    }
+    // Walls are the faces that are not periodic, in order.
+    let before = (0..axis).filter(|&c| !domain.periodic[c]).count();
+    Ok(Piston {
+        wall: 2 * before + given.face as usize % 2,
+        mass: given.mass,
+        weight: given.weight,
+        travel,
     })
 }
