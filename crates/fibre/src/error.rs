@@ -103,6 +103,9 @@ pub enum FibreError {
     /// Linked fibres on more than one rank.
     #[error("linked fibres run on one rank; threads share the work there")]
     LinkedRanks,
+    /// Linked fibres in a sampled flow by the explicit scheme.
+    #[error("linked fibres move implicitly in a flow that is solved for")]
+    LinkedSampled,
     /// A wall of linked fibres that is no plane.
     #[error("walls of linked fibres are planes with a point and a normal")]
     LinkedWall,

@@ -171,7 +171,9 @@ fn kinematics(case: &Case, group: &FibreGroup, modulus: f64) -> String {
 
 /// S^eff = EI/(μγ̇L⁴), stiffness by the torque of the flow.
 fn linked(case: &Case, material: &Material, length: f64) -> String {
-    let viscosity = case.ambient.as_ref().map_or(0.0, |a| a.viscosity);
+    let fluid = case.fluid.as_ref().map(|f| f.viscosity);
+    let ambient = case.ambient.as_ref().map(|a| a.viscosity);
+    let viscosity = fluid.or(ambient).unwrap_or(0.0);
     match case.shear_rate().filter(|_| length > 0.0) {
         Some(rate) => {
             let number = material.bending_stiffness() / (viscosity * rate * length.powi(4));

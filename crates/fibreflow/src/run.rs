@@ -118,7 +118,11 @@ impl Run {
             figures.phase(report);
             match &mut scene.fibres {
                 None if scene.linked.is_some() => {
-                    timed(&mut times.fibres, || scene.advance_linked(dt))?;
+                    let spread = scene.advance_linked(&mut points, &mut ambient, dt, times)?;
+                    figures.spread(spread);
+                    // Convect, diffuse, project.
+                    let report = timed(&mut times.fluid, || scene.flow.advance(dt, true))?;
+                    figures.fluid(report, scene.flow.convects());
                 }
                 Some(fibres) if scene.flow.iterates() => {
                     // Forces that fit fibres and flow, then both move.

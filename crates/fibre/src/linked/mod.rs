@@ -15,6 +15,7 @@ mod joints;
 mod mobility;
 mod newton;
 mod observe;
+mod sampled;
 mod settings;
 mod state;
 mod step;

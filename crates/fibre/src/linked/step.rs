@@ -11,7 +11,7 @@ use super::system::{Chain, LinkedSystem, Segment, each};
 use super::touch::Touch;
 use super::walls::Press;
 use crate::contact::Repulsion;
-use crate::{FibreError, FlowFormula, Matrix3, Quaternion, Vector3};
+use crate::{FibreError, Matrix3, Quaternion, Vector3};
 use rayon::prelude::*;
 
 /// Joints that part by more than this many radii in a step ask for a shorter one.
@@ -38,10 +38,13 @@ pub(super) struct Scratch {
     work: Vec<Work>,
 }
 
+/// u and ∇u around a segment, by its index, at a place.
+pub(super) type Around<'a> = &'a (dyn Fn(usize, &Vector3) -> (Vector3, Matrix3) + Sync);
+
 impl LinkedSystem {
     pub(super) fn advance_implicit(
         &mut self,
-        flow: FlowFormula<'_>,
+        flow: Around<'_>,
         step: f64,
     ) -> Result<(), FibreError> {
         let (start, mut done) = (self.time, 0.0);
@@ -66,6 +69,7 @@ impl LinkedSystem {
                 return Err(FibreError::NoJointConvergence);
             }
             self.accept(part);
+            self.react(flow, part);
             done = if part == left { step } else { done + part };
             self.time = start + done;
             self.last_step = part;
@@ -79,7 +83,7 @@ impl LinkedSystem {
     }
 
     /// Solves for the motion in a step, without moving; by how many radii joints part in it.
-    fn attempt(&mut self, flow: FlowFormula<'_>, step: f64) -> f64 {
+    fn attempt(&mut self, flow: Around<'_>, step: f64) -> f64 {
         let mut work = std::mem::take(&mut self.implicit.work);
         self.foresee(flow, step, &mut work);
         let mut contacts = self.contacts(&work, step);
@@ -133,7 +137,7 @@ impl LinkedSystem {
     }
 
     /// Segments in the middle of the step, by the motion of the one before; loads without contacts; the motion by these.
-    fn foresee(&mut self, flow: FlowFormula<'_>, step: f64, work: &mut Vec<Work>) {
+    fn foresee(&mut self, flow: Around<'_>, step: f64, work: &mut Vec<Work>) {
         let half = if self.last_step > 0.0 {
             0.5 * step
         } else {
@@ -155,7 +159,7 @@ impl LinkedSystem {
                 let s = &mut w.segment;
                 s.centre += shift;
                 s.felt = [s.centre, s.axis];
-                let (velocity, gradient) = flow(&s.centre, 0.0);
+                let (velocity, gradient) = flow(s.index as usize, &s.centre);
                 let turning = chain.mobility.turned(&s.axis, &gradient);
                 let [_, torque] = chain.mobility.drag(&s.axis, &Vector3::zeros(), &turning);
                 let falling = chain.mobility.velocity(&s.axis, &chain.weight);

@@ -11,7 +11,7 @@ use super::step::{Counts, Scratch};
 use super::touch::{Neighbours, Touch};
 use super::walls::Walls;
 use crate::contact::ContactError;
-use crate::{FibreError, FibreSystem, FlowFormula, Quaternion, Vector3};
+use crate::{FibreError, FibreSystem, FlowFormula, Quaternion, Reaction, Vector3};
 use fibreflow_parallel::Communicator;
 use nalgebra::Quaternion as Parameters;
 
@@ -22,6 +22,8 @@ pub(super) struct Chain {
     pub radius: f64,
     pub half_length: f64,
     pub mobility: Mobility,
+    /// Velocity by force in a flow that does not give way \[m/(N·s)\].
+    pub own: [f64; 2],
     pub bending: [f64; 2],
     pub twisting: f64,
     pub joint: Joint,
@@ -88,6 +90,8 @@ pub struct LinkedSystem {
     pub(super) trial: f64,
     pub(super) counts: Counts,
     pub(super) implicit: Scratch,
+    /// What the fluid took in the last step in a sampled flow, by segment.
+    pub(super) reaction: Reaction,
 }
 
 impl LinkedSystem {
@@ -123,6 +127,7 @@ impl LinkedSystem {
             trial: f64::INFINITY,
             counts: Counts::default(),
             implicit: Scratch::default(),
+            reaction: Reaction::default(),
         };
         for fibre in &fibres {
             system.push(fibre)?;
@@ -175,6 +180,7 @@ impl LinkedSystem {
             id: fibre.id,
             radius: fibre.radius,
             half_length: fibre.half_length,
+            own: mobility.force,
             mobility,
             bending: fibre.bending,
             twisting: fibre.twisting,
@@ -194,7 +200,7 @@ impl LinkedSystem {
     /// A periodic box that is too short for the segments, fibres at positions that are not finite.
     pub fn advance(&mut self, flow: FlowFormula<'_>, step: f64) -> Result<(), FibreError> {
         if self.settings.scheme == LinkedScheme::Implicit {
-            return self.advance_implicit(flow, step);
+            return self.advance_implicit(&|_, x| flow(x, 0.0), step);
         }
         self.counts = Counts {
             steps: 1,

@@ -2,8 +2,8 @@
 
 use super::validate::Checked;
 use super::{
-    Case, Clamp, ContactWall, Document, DragLaw, FibreGroup, Joints, Kinematics, Placement,
-    TorqueLaw,
+    Case, Clamp, ContactWall, Correction, Document, DragLaw, FibreGroup, IntegratorKind, Joints,
+    Kinematics, Placement, TorqueLaw,
 };
 
 /// What linked fibres need, and what they do not know.
@@ -17,12 +17,8 @@ pub(super) fn check(case: &Case, document: &Document) -> Checked {
         let error = document.error(&path, "linked fibres and beams do not mix");
         return Err(error.with_help("`kinematics = \"linked\"` in every group, or in none"));
     }
-    if case.ambient.is_none() {
-        let error = document.error(
-            "fibres[0].kinematics",
-            "linked fibres need a prescribed flow",
-        );
-        return Err(error.with_help("`[ambient]` in place of `[mesh]` and `[fluid]`"));
+    if case.fluid.is_some() {
+        check_coupling(case, document)?;
     }
     let laws = &case.hydrodynamics;
     for (key, fits) in [
@@ -73,6 +69,38 @@ pub(super) fn check(case: &Case, document: &Document) -> Checked {
         return Err(document.value_error(path, message).with_help(help));
     }
     Ok(())
+}
+
+/// In a flow that is solved for.
+fn check_coupling(case: &Case, document: &Document) -> Checked {
+    if case.mechanics.integrator == IntegratorKind::Explicit {
+        let path = "mechanics.integrator";
+        let message =
+            format!("`{path}`: linked fibres move implicitly in a flow that is solved for");
+        return Err(document
+            .value_error(path, message)
+            .with_help("\"implicit\""));
+    }
+    let observables = case.output.observables.as_ref();
+    refuse(
+        &[
+            (
+                "coupling.correction",
+                case.coupling.correction == Correction::Undisturbed,
+            ),
+            (
+                "output.observables.stress",
+                observables.is_some_and(|o| o.stress),
+            ),
+            (
+                "output.observables.pair_distance",
+                observables.is_some_and(|o| o.pair_distance.is_some()),
+            ),
+            ("piston", case.piston.is_some()),
+            ("grips", case.grips.is_some()),
+        ],
+        document,
+    )
 }
 
 /// Keys that have a meaning for linked fibres alone.

@@ -82,7 +82,7 @@ impl StructureSeries {
     /// # Errors
     /// A file that cannot be written.
     pub fn write(&mut self, scene: &Scene, clock: &Clock) -> Result<(), ProgramError> {
-        let (Some(linked), Flow::Prescribed(flow)) = (&scene.linked, &scene.flow) else {
+        let Some(linked) = &scene.linked else {
             return Ok(());
         };
         let statistics = linked.statistics();
@@ -95,7 +95,7 @@ impl StructureSeries {
             let found = linked.pair_distribution(distance, self.about.bins);
             values.extend(found.map_err(ProgramError::failed)?);
         }
-        if let Some(volume) = self.volume {
+        if let (Some(volume), Flow::Prescribed(flow)) = (self.volume, &scene.flow) {
             let [drag, contact] = linked
                 .particle_stress(&|x, _| flow.at(x))
                 .map(|s| s / volume);

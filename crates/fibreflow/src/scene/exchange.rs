@@ -5,6 +5,7 @@ use crate::case::{self, Boundary, Case, Correction, CouplingMode, KernelKind, Me
 use crate::error::ProgramError;
 use crate::figures::timed;
 use fibreflow_coupling::{Coupling, Kernel, PlaneWall, SpreadReport, Undisturbed, Wake};
+use fibreflow_fibre::linked::LinkedSystem;
 use fibreflow_fibre::{Ambient, FibreSystem, Points, Reaction};
 use fibreflow_fluid::{Fluid, Inertia};
 use nalgebra::Vector3;
@@ -112,7 +113,8 @@ impl Exchange {
         let corrects = match case.coupling.correction {
             Correction::None => false,
             Correction::Undisturbed => true,
-            Correction::Auto => two_way && kernel != Kernel::Element,
+            // The points of linked fibres have no memory.
+            Correction::Auto => two_way && kernel != Kernel::Element && !case.linked(),
         };
         let wake = match inertia {
             Inertia::Steady => Wake::Steady,
@@ -125,6 +127,12 @@ impl Exchange {
             Vec::new()
         };
         let count = walls.len();
+        let scheme = SchemeChoice::new(&case.coupling, inertia)?;
+        if scheme.iterated && case.linked() {
+            return Err(ProgramError::input(
+                "linked fibres need a fluid with convection to hold its velocity: `fluid.inertia = \"full\"`, `coupling.mode = \"one-way\"`, or `coupling.scheme = \"staggered\"` at small steps",
+            ));
+        }
         let undisturbed = corrects
             .then(|| Undisturbed::new(kernel, fluid.viscosity, fluid.density, wake, walls))
             .transpose()
@@ -132,7 +140,7 @@ impl Exchange {
         Ok(Self {
             coupling,
             two_way,
-            scheme: SchemeChoice::new(&case.coupling, inertia)?,
+            scheme,
             kernel,
             undisturbed,
             walls: count,
@@ -222,6 +230,54 @@ impl Exchange {
             *u += 0.5 * (slope + *change);
         }
         Ok(())
+    }
+
+    /// As [`Exchange::sample`] for linked fibres: the flow in the middle of the step, and how it gives way. Collective.
+    ///
+    /// # Errors
+    /// Points at positions that are not finite, or with too few nodes around.
+    pub fn sample_linked(
+        &mut self,
+        fluid: &Fluid,
+        fibres: &LinkedSystem,
+        points: &mut Points,
+        ambient: &mut Ambient,
+        dt: f64,
+    ) -> Result<(), ProgramError> {
+        fibres.points(dt, points);
+        let (velocity, positions) = (fluid.velocity(), &points.position);
+        if self.slope.is_empty() {
+            self.coupling.sample(velocity, positions, ambient)?;
+        } else {
+            self.coupling
+                .sample_changing(velocity, &self.slope, positions, ambient)?;
+            let changes = ambient.velocity.iter_mut().zip(&ambient.change);
+            changes.for_each(|(u, slope)| *u += 0.5 * dt * slope);
+        }
+        ambient.yielding.clear();
+        if self.two_way {
+            let response = self.coupling.response(positions)?;
+            let per_force = dt / fluid.settings().density;
+            ambient
+                .yielding
+                .extend(response.iter().map(|r| per_force * r));
+        }
+        Ok(())
+    }
+
+    /// As [`Exchange::spread`] for linked fibres. Collective.
+    ///
+    /// # Errors
+    /// A reaction that does not fit the points sampled last.
+    pub fn spread_linked(
+        &mut self,
+        fluid: &mut Fluid,
+        reaction: &Reaction,
+    ) -> Result<Option<SpreadReport>, ProgramError> {
+        if !self.two_way {
+            return Ok(None);
+        }
+        self.spread_into(fluid.body_force_mut(), reaction).map(Some)
     }
 
     /// Takes the own flow of the fibres away.

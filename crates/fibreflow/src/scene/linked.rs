@@ -25,10 +25,10 @@ pub fn place(
     communicator: &Communicator,
 ) -> Result<Option<(LinkedSystem, Vec<PlacementReport>)>, ProgramError> {
     let case = populate.case;
-    let (Some(ambient), Some(mut settings)) = (&case.ambient, settings(case, populate.periodic))
-    else {
+    let Some(mut settings) = settings(case, populate.periodic) else {
         return Ok(None);
     };
+    let around = surroundings(case);
     let lines = populate.centre_lines()?;
     let (nodes, reports) = populate.place(&lines)?;
     let mut fibres = Vec::new();
@@ -66,7 +66,7 @@ pub fn place(
             }
             let volume = 2.0 * linked.half_length * PI * linked.radius * linked.radius;
             let gravity = Vector3::from(case.gravity.acceleration);
-            linked.weight = gravity * ((group.density - ambient.density) * volume);
+            linked.weight = gravity * ((group.density - around[0]) * volume);
             fibres.push(linked);
         }
     }
@@ -80,9 +80,18 @@ pub fn place(
     Ok(Some((system, reports)))
 }
 
-/// Settings of a case with linked fibres, in a prescribed flow; None for other cases.
+/// Density and viscosity of the fluid.
+fn surroundings(case: &Case) -> [f64; 2] {
+    let fluid = case.fluid.as_ref().map(|f| [f.density, f.viscosity]);
+    let ambient = case.ambient.as_ref().map(|a| [a.density, a.viscosity]);
+    fluid.or(ambient).unwrap_or_default()
+}
+
+/// Settings of a case with linked fibres; None for other cases.
 pub fn settings(case: &Case, periodic: PeriodicBox) -> Option<LinkedSettings> {
-    let ambient = case.ambient.as_ref().filter(|_| case.linked())?;
+    if !case.linked() {
+        return None;
+    }
     let thickest = case.fibres.iter().map(|g| g.diameter).fold(0.0, f64::max);
     let contact = case.contact.as_ref();
     let friction = contact.map_or(0.0, |c| c.friction);
@@ -91,7 +100,7 @@ pub fn settings(case: &Case, periodic: PeriodicBox) -> Option<LinkedSettings> {
             IntegratorKind::Explicit => LinkedScheme::Explicit,
             IntegratorKind::Auto | IntegratorKind::Implicit => LinkedScheme::Implicit,
         },
-        viscosity: ambient.viscosity,
+        viscosity: surroundings(case)[1],
         spheroid: match case.hydrodynamics.spheroid {
             Spheroid::Cox => SpheroidRatio::Cox,
             Spheroid::Bretherton => SpheroidRatio::Bretherton,

@@ -35,8 +35,10 @@ pub use together::{Rounds, Together};
 
 use crate::case::{Case, Document, validate_domain};
 use crate::error::{ProgramError, agree};
+use crate::figures::{Timings, timed};
+use fibreflow_coupling::SpreadReport;
 use fibreflow_fibre::linked::LinkedSystem;
-use fibreflow_fibre::{FibreSystem, PeriodicBox, Vector3};
+use fibreflow_fibre::{Ambient, FibreSystem, PeriodicBox, Points, Vector3};
 use fibreflow_mesh::Periods;
 use fibreflow_parallel::Communicator;
 use population::Populate;
@@ -141,20 +143,46 @@ impl Scene {
         Ok(())
     }
 
-    /// A step of the linked fibres in the prescribed flow.
+    /// A step of the linked fibres, and what they do to a fluid that is solved for as its body force. Collective.
     ///
     /// # Errors
-    /// What they report.
-    pub fn advance_linked(&mut self, dt: f64) -> Result<(), ProgramError> {
-        if let (Some(linked), Flow::Prescribed(flow)) = (&mut self.linked, &self.flow) {
-            linked.advance(&|x, _| flow.at(x), dt)?;
+    /// What they report; points at positions that are not finite.
+    pub fn advance_linked(
+        &mut self,
+        points: &mut Points,
+        ambient: &mut Ambient,
+        dt: f64,
+        times: &mut Timings,
+    ) -> Result<Option<SpreadReport>, ProgramError> {
+        let Some(linked) = &mut self.linked else {
+            return Ok(None);
+        };
+        match &mut self.flow {
+            Flow::Prescribed(flow) => {
+                timed(&mut times.fibres, || linked.advance(&|x, _| flow.at(x), dt))?;
+                Ok(None)
+            }
+            Flow::Solved(solved) => {
+                let Solved {
+                    fluid, exchange, ..
+                } = &mut **solved;
+                timed(&mut times.sample, || {
+                    exchange.sample_linked(fluid, linked, points, ambient, dt)
+                })?;
+                timed(&mut times.fibres, || {
+                    linked.advance_sampled(points, ambient, dt).map(|_| ())
+                })?;
+                timed(&mut times.spread, || {
+                    exchange.spread_linked(fluid, linked.reaction())
+                })
+            }
         }
-        Ok(())
     }
 
     /// The fibres act back on the fluid.
     pub fn two_way(&self) -> bool {
-        self.fibres.is_some() && self.flow.exchange().is_some_and(|e| e.two_way)
+        (self.fibres.is_some() || self.linked.is_some())
+            && self.flow.exchange().is_some_and(|e| e.two_way)
     }
 
     /// Gives every fibre to the rank that holds the fluid around its middle. Collective.
