@@ -1,6 +1,6 @@
 """Friction that holds a floc together in a flow (D2): .venv/bin/python cases/floc-dispersion/critical.py
 
-    [--quick]          strain 2, coarse
+    [--quick]          strain 0.5, coarse
     [--strain S]       default 300
     [--flows NAMES]    of uniaxial, planar, shear
     [--stiffness S …]  S^eff, default 0.05 0.5
@@ -36,6 +36,8 @@ FLOWS = {
 }
 MODULUS = 32228875.9761 / 0.05
 PIECE, SHARE = 5.0, 0.25
+# Bisection goes no further down.
+LEAST = 0.05
 
 
 def floc(folder):
@@ -93,7 +95,7 @@ def critical(flow, stiffness, options):
         return high, float("inf"), tried
     while low == 0.0 or high / low > options.ratio:
         middle = np.sqrt(low * high) if low > 0.0 else high / 4.0
-        if middle < 0.01:
+        if middle < LEAST:
             break
         if test(middle):
             high = middle
@@ -133,7 +135,7 @@ def main():
     parser.add_argument("--out", type=pathlib.Path, default=ROOT / "runs" / "validate" / "floc-dispersion-critical")
     options = parser.parse_args()
     if options.quick:
-        options.strain, options.ratio, options.flows = 2.0, 100.0, ["uniaxial"]
+        options.strain, options.ratio, options.flows, options.stiffness = 0.5, 100.0, ["uniaxial"], [0.05]
     options.out.mkdir(parents=True, exist_ok=True)
     if options.recoil:
         recoil(options)

@@ -112,9 +112,9 @@ def concentration(tables, report, axes):
     for (shape, friction), own in whole.groupby(["shape", "friction"], sort=False):
         own = own[own.runs > 0]
         eta, error = column(own, "eta_sp")
-        filled = "C0" if friction else "none"
+        colour = f"C{list(styles).index(shape)}"
         label = f"{shape}, μ = {friction:g}"
-        axes.errorbar(own.nL3, eta, 2 * error, fmt=styles[shape] + "-", mfc=filled, color=f"C{list(styles).index(shape)}", ms=4, lw=0.7, label=label)
+        axes.errorbar(own.nL3, eta, 2 * error, fmt=styles[shape] + "-", mfc=colour if friction else "none", color=colour, ms=4, lw=0.7, label=label)
     nl3 = np.linspace(4, 42, 50)
     axes.plot(nl3, slender(nl3, aspect, alignment), "k:", lw=1, label="S 5.12, dilute")
     axes.plot(nl3, slender(nl3, aspect, alignment + slip), "k--", lw=1, label="S 2.104, dilute")
@@ -130,8 +130,14 @@ def concentration(tables, report, axes):
                 f"{eta / own - 1:+.1%} of S 5.12 with the directions found; contacts' part {row['structure.contact_xy'] / eta:.0%}",
                 abs(eta / line - 1) < 0.1,
             )
+    for shape, own in whole[whole.runs > 0].groupby("shape"):
+        if shape != "rigid":
+            # S 5.11 has the logarithm of the whole fibre in place of that of a segment.
+            other = own["structure.particle_xy"] * np.log(2 * aspect / 5) / np.log(2 * aspect) + own["structure.contact_xy"]
+            report.say(f"η_sp of {shape} with ln 2r_p of the fibre (S 5.11) at (nL³, μ): "
+                       + ", ".join(f"({n:g}, {m:g}): {e:.4f}" for n, m, e in zip(own.nL3, own.friction, other)))
     for shape, friction, base in [("U", 0.0, ("rigid", 0.0)), ("U", 20.0, ("U", 0.0)), ("rigid", 20.0, ("rigid", 0.0)), ("straight", 20.0, ("straight", 0.0)),
-                                  ("straight", 0.0, ("rigid", 0.0)), ("helix", 0.0, ("rigid", 0.0)), ("helix", 20.0, ("helix", 0.0))]:
+                                  ("straight", 0.0, ("rigid", 0.0)), ("U", 0.0, ("straight", 0.0)), ("helix", 0.0, ("rigid", 0.0)), ("helix", 20.0, ("helix", 0.0))]:
         ratios = [f"{nl3:g}: {at.loc[(shape, friction, nl3), 'structure.eta_sp'] / at.loc[(*base, nl3), 'structure.eta_sp']:.2f}"
                   for nl3 in sorted(whole.nL3.unique()) if {(shape, friction, nl3), (*base, nl3)} <= set(at.index)]
         if ratios:
@@ -173,6 +179,9 @@ def yield_stress(table, report, thinning, flow, scaling):
         thinning.errorbar(rate, eta, 2 * error, fmt="o-", ms=4, lw=0.7, label=f"nL³ = {nl3:g}")
         # S^eff μγ̇ L⁴ = EI: stresses by μγ̇ become stresses by EI/L⁴. Errors of few replicates scatter: their root mean square, relative, is that of all.
         stress = eta * rate
+        if len(rate) < 3:
+            report.say(f"U, r_p = 75, nL³ = {nl3:g}: η_sp at S^eff " + ", ".join(f"{1 / r:g}: {e:.3f} ± {d:.3f}" for r, e, d in zip(rate, eta, error)) + "; too few for a fit")
+            continue
         drawn = fits(rate, stress)
         common = np.sqrt(np.mean((error / eta) ** 2))
         samples = np.array([fits(rate, stress * (1 + common * rng.normal(size=len(rate))))[0] for _ in range(300)])

@@ -63,6 +63,7 @@ first = 7
 [results]
 columns = ["structure.eta_sp", "fibres.contacts"]
 from = 1.0
+to = 3.8
 steady = "structure.alignment"
 "#;
 
@@ -88,14 +89,14 @@ fn read(bench: &Bench, file: &str) -> String {
     std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
 }
 
-/// Mean of a column of a series from a time on.
-fn mean(text: &str, column: &str, from: f64) -> f64 {
+/// Mean of a column of a series over a span of time.
+fn mean(text: &str, column: &str, span: [f64; 2]) -> f64 {
     let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
     let names = lines.next().expect("a header");
     let at = names.iter().position(|n| *n == column).expect("a column");
     let number = |line: &Vec<&str>, k: usize| line[k].parse::<f64>().expect("a number");
     let kept: Vec<f64> = lines
-        .filter(|line| number(line, 1) >= from)
+        .filter(|line| (span[0]..=span[1]).contains(&number(line, 1)))
         .map(|line| number(&line, at))
         .collect();
     kept.iter().sum::<f64>() / kept.len() as f64
@@ -163,7 +164,7 @@ fn killed_and_gone_on_with_it_gives_the_same_table() {
         mean(
             &read(&bench, &format!("{name}/series/structure.csv")),
             "eta_sp",
-            from,
+            [from, 3.8],
         )
     };
     let (a, b) = (of_seed(7), of_seed(8));
@@ -266,7 +267,12 @@ fn bad_sweeps_are_refused_before_anything_runs() {
             &["results.columns[0]", "FILE.COLUMN"],
         ),
         (
-            "from = 1.0",
+            "to = 3.8",
+            "to = 0.5",
+            &["results.to = 0.5", "a later time"],
+        ),
+        (
+            "from = 1.0\nto = 3.8",
             "from = 5.0",
             &["results.from = 5", "time.end"],
         ),

@@ -77,6 +77,9 @@ pub struct Results {
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub from: f64,
+    /// And up to this time [s]. Default: to the end.
+    #[serde(default)]
+    pub to: Option<f64>,
     /// Column, as FILE.COLUMN, that says from when on the member is steady; lines before that do not count either.
     #[serde(default)]
     pub steady: Option<String>,
@@ -261,6 +264,11 @@ impl SweepFile {
                 }
                 _ => {}
             }
+        }
+        if let Some(to) = self.results.to.filter(|&to| to <= self.results.from) {
+            let message = format!("`results.to = {to}` is not after `results.from`");
+            let error = document.value_error("results.to", message);
+            return Err(error.with_help("a later time [s], or none"));
         }
         let columns = self.results.columns.iter().enumerate();
         let mut named: Vec<(String, &String)> = columns

@@ -6,6 +6,7 @@ use super::steady;
 use crate::error::ProgramError;
 use crate::output::replace_file;
 use std::fmt::Write;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 /// What one member gave.
@@ -42,15 +43,17 @@ impl Row {
             return Ok(row);
         }
         row.start = results.from;
+        let end = results.to.unwrap_or(f64::INFINITY);
         if let Some(column) = &results.steady {
-            let (times, values) = read(folder, "results.steady", column, results.from)?;
+            let span = row.start..=end;
+            let (times, values) = read(folder, "results.steady", column, &span)?;
             if let Some(time) = times.get(steady::start(&values)) {
                 row.start = *time;
             }
         }
         for (k, column) in results.columns.iter().enumerate() {
             let key = format!("results.columns[{k}]");
-            let (_, values) = read(folder, &key, column, row.start)?;
+            let (_, values) = read(folder, &key, column, &(row.start..=end))?;
             row.means[k] = steady::block_mean(&values);
         }
         Ok(row)
@@ -163,12 +166,12 @@ impl<'a> Table<'a> {
     }
 }
 
-/// Times and values of a column FILE.COLUMN, from a time on.
+/// Times and values of a column FILE.COLUMN within a span of time.
 fn read(
     folder: &Path,
     key: &str,
     column: &str,
-    from: f64,
+    span: &RangeInclusive<f64>,
 ) -> Result<(Vec<f64>, Vec<f64>), ProgramError> {
     let (file, name) = column.split_once('.').unwrap_or((column, ""));
     let path = folder.join("series").join(format!("{file}.csv"));
@@ -186,7 +189,7 @@ fn read(
     };
     let entry = |line: &str, k: usize| line.split(',').nth(k).and_then(|x| x.parse::<f64>().ok());
     let pairs = lines.filter_map(|line| Some((entry(line, 1)?, entry(line, at)?)));
-    Ok(pairs.filter(|(time, _)| *time >= from).unzip())
+    Ok(pairs.filter(|(time, _)| span.contains(time)).unzip())
 }
 
 /// Empty for what is not a number.
