@@ -4,7 +4,7 @@
     [--stretch X]    Δx/L at the end, default 0.6
     [--seeds N]      replicates, default 2
     [--networks N…]  shape and length: straight, slight, curled, short, long; default all
-    [--count N]      fibres of aspect ratio 75, default 200
+    [--width W]      width of the networks in fibre lengths, default 2 as in the text: 200 fibres of aspect ratio 75; others in proportion
     [--out DIR]      default runs/validate/planar-network
 
 Networks of Switzer (2002, chapter 6) are pressed together, relaxed and pulled apart: fibres of other shape and length, and the network of slightly bent fibres
@@ -71,24 +71,25 @@ def once(out, case, settings):
 def form(name, seed, options):
     """Presses a network together; its folder, height [m] and contacts a fibre, counted once."""
     r_p, bend = NETWORKS[name]
-    length, count = 2 * RADIUS * r_p, round(options.count * r_p / 75)
+    length, count = 2 * RADIUS * r_p, round(100 * options.width * r_p / 75)
     out = options.out / f"{name}{seed}"
-    stokes = 6 * math.pi * r_p / 5 * RADIUS
+    # The weight of the text is that of a piston two fibre lengths wide.
+    mass = 1e5 * 6 * math.pi * r_p / 5 * RADIUS * options.width / 2
     settings = {
-        "ambient.domain.size": [2 * length, 2 * length, 4 * length],
+        "ambient.domain.size": [2 * length, options.width * length, 4 * length],
         "fibres.0.placement.count": count,
         "fibres.0.placement.seed": seed,
         "fibres.0.shape": shape(bend),
         "fibres.0.length": length,
         "contact.repulsion": repulsion(r_p, 1.0),
-        "piston.mass": 1e5 * stokes,
-        "piston.weight": 1e5 * stokes * RADIUS,
+        "piston.mass": mass,
+        "piston.weight": mass * RADIUS,
         "output.vtk": "{ every = 100000 }",
     }
     once(out, HERE / "case.toml", settings)
     piston = pd.read_csv(out / "series" / "piston.csv").iloc[-1]
-    height = 4 * length - piston.travelled
-    fraction = count * math.pi * RADIUS**2 * length / (4 * length**2 * height)
+    height = float(4 * length - piston.travelled)
+    fraction = count * math.pi * RADIUS**2 * length / (2 * options.width * length**2 * height)
     if abs(fraction / FRACTION - 1) > 1e-9:
         raise SystemExit(f"{out}: the piston has not arrived, volume fraction {fraction:.4f}")
     shutil.copy(HERE / "pull.toml", out / "pull.toml")
@@ -98,7 +99,7 @@ def form(name, seed, options):
 
 
 def pull(name, out, height, stiffness, friction, options):
-    """Pulls a network apart; its curve of Δx/L, T/ηu_pL, averaged as in the text, its scatter in between, and seconds."""
+    """Pulls a network apart; its curve of Δx/L and T/ηu_pL by two fibre lengths of width, averaged as in the text, its scatter in between, and seconds."""
     r_p, bend = NETWORKS[name]
     length = 2 * RADIUS * r_p
     rate = STIFFNESS / stiffness
@@ -108,7 +109,7 @@ def pull(name, out, height, stiffness, friction, options):
         "time.end": options.stretch * length / (2 * speed),
         "time.step": options.step / rate,
         "ambient.domain.origin": [-4 * length, 0.0, 0.0],
-        "ambient.domain.size": [10 * length, 2 * length, height],
+        "ambient.domain.size": [10 * length, options.width * length, height],
         "fibres.0.shape": shape(bend),
         "fibres.0.length": length,
         "contact.friction": friction,
@@ -119,7 +120,7 @@ def pull(name, out, height, stiffness, friction, options):
     }
     seconds = once(run, out / "pull.toml", settings)
     data = pd.read_csv(run / "series" / "grips.csv").iloc[1:]
-    stretch, tension = data.elongation.to_numpy() / length, data.tension.to_numpy() / (speed * length)
+    stretch, tension = data.elongation.to_numpy() / length, data.tension.to_numpy() / (speed * length) * 2 / options.width
     bins = np.minimum((stretch / INTERVAL).astype(int), max(0, round(options.stretch / INTERVAL) - 1))
     mean = np.array([tension[bins == k].mean() for k in range(bins.max() + 1)])
     at = (np.arange(len(mean)) + 0.5) * INTERVAL
@@ -142,7 +143,7 @@ def main():
     parser.add_argument("--stretch", type=float, default=0.6)
     parser.add_argument("--step", type=float, default=1e-2, help="u_pΔt/b")
     parser.add_argument("--seeds", type=int, default=2)
-    parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--width", type=float, default=2.0)
     parser.add_argument("--networks", nargs="*", choices=NETWORKS, default=list(NETWORKS))
     parser.add_argument("--out", type=pathlib.Path, default=ROOT / "runs" / "validate" / "planar-network")
     options = parser.parse_args()
