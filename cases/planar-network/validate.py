@@ -5,6 +5,7 @@
     [--seeds N]      replicates, default 2
     [--networks N…]  shape and length: straight, slight, curled, short, long; default all
     [--width W]      width of the networks in fibre lengths, default 2 as in the text: 200 fibres of aspect ratio 75; others in proportion
+    [--done]         evaluates what has been run and runs nothing
     [--out DIR]      default runs/validate/planar-network
 
 Networks of Switzer (2002, chapter 6) are pressed together, relaxed and pulled apart: fibres of other shape and length, and the network of slightly bent fibres
@@ -68,6 +69,15 @@ def once(out, case, settings):
     return float(done.read_text())
 
 
+def pulled(out, stiffness, friction):
+    return out / f"S{stiffness:g}_mu{friction:g}"
+
+
+def wanted(run, options):
+    """Whether a run is there or is to be done."""
+    return not options.done or (run / "seconds").exists()
+
+
 def form(name, seed, options):
     """Presses a network together; its folder, height [m] and contacts a fibre, counted once."""
     r_p, bend = NETWORKS[name]
@@ -103,7 +113,7 @@ def pull(name, out, height, stiffness, friction, options):
     r_p, bend = NETWORKS[name]
     length = 2 * RADIUS * r_p
     rate = STIFFNESS / stiffness
-    speed, run = RADIUS * rate, out / f"S{stiffness:g}_mu{friction:g}"
+    speed, run = RADIUS * rate, pulled(out, stiffness, friction)
     wall = '{{ kind = "plane", point = [0.0, 0.0, {}], normal = [0.0, 0.0, {}] }}'
     settings = {
         "time.end": options.stretch * length / (2 * speed),
@@ -144,6 +154,7 @@ def main():
     parser.add_argument("--step", type=float, default=1e-2, help="u_pΔt/b")
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--width", type=float, default=2.0)
+    parser.add_argument("--done", action="store_true")
     parser.add_argument("--networks", nargs="*", choices=NETWORKS, default=list(NETWORKS))
     parser.add_argument("--out", type=pathlib.Path, default=ROOT / "runs" / "validate" / "planar-network")
     options = parser.parse_args()
@@ -154,10 +165,15 @@ def main():
     for name in options.networks:
         pulls = [(STIFFNESS, 20.0)] + (PULLS if name == "slight" else [])
         r_p = NETWORKS[name][0]
-        formed = [form(name, seed, options) for seed in range(1, options.seeds + 1)]
+        formed = [form(name, seed, options) for seed in range(1, options.seeds + 1) if wanted(options.out / f"{name}{seed}", options)]
+        if not formed:
+            continue
         contacts = np.array([c for _, _, c in formed])
         for stiffness, friction in pulls:
-            found = [pull(name, out, height, stiffness, friction, options) for out, height, _ in formed]
+            there = [(out, height) for out, height, _ in formed if wanted(pulled(out, stiffness, friction), options)]
+            found = [pull(name, out, height, stiffness, friction, options) for out, height in there]
+            if not found:
+                continue
             at, set_of = found[0][0], np.array([mean for _, mean, _, _ in found])
             top, error, where, slope = strength(at, set_of)
             scatter = np.mean([np.std(rest) for _, _, rest, _ in found])

@@ -49,9 +49,9 @@ fn numbers(line: &str) -> Vec<f64> {
 fn a_network_is_formed_and_pulled() {
     let former = Bench::new(PROGRAM, NETWORK);
     let few = [
-        "--set=fibres.0.placement.count=12",
+        "--set=fibres.0.placement.count=40",
         "--set=ambient.domain.size=[3e-3, 3e-3, 4e-4]",
-        "--set=piston.volume_fraction=1.6e-3",
+        "--set=piston.volume_fraction=5.4e-3",
         "--set=time.step=0.02",
         "--set=time.end=4.0",
     ];
@@ -70,10 +70,10 @@ fn a_network_is_formed_and_pulled() {
     let [.., travelled, speed, _] = numbers(&last_line(&former, "whole", "piston.csv"))[..] else {
         panic!("columns");
     };
-    let volume = 12.0 * std::f64::consts::PI * 1e-10 * 1.5e-3;
+    let volume = 40.0 * std::f64::consts::PI * 1e-10 * 1.5e-3;
     let height = 4e-4 - travelled;
     let fraction = volume / (9e-6 * height);
-    assert!((fraction / 1.6e-3 - 1.0).abs() < 1e-12 && speed == 0.0);
+    assert!((fraction / 5.4e-3 - 1.0).abs() < 1e-12 && speed == 0.0);
 
     let puller = Bench::new(PROGRAM, PULL);
     let mut post = launch::command(PROGRAM, 1);
