@@ -4,7 +4,8 @@
     [--stretch X]    Δx/L at the end, default 0.6
     [--seeds N]      replicates, default 2
     [--networks N…]  shape and length: straight, slight, curled, short, long; default all
-    [--count N]      fibres of aspect ratio 75, default 200
+    [--width W]      width of the networks in fibre lengths, default 2 as in the text: 200 fibres of aspect ratio 75; others in proportion
+    [--done]         evaluates what has been run and runs nothing
     [--out DIR]      default runs/validate/planar-network
 
 Networks of Switzer (2002, chapter 6) are pressed together, relaxed and pulled apart: fibres of other shape and length, and the network of slightly bent fibres
@@ -68,27 +69,37 @@ def once(out, case, settings):
     return float(done.read_text())
 
 
+def pulled(out, stiffness, friction):
+    return out / f"S{stiffness:g}_mu{friction:g}"
+
+
+def wanted(run, options):
+    """Whether a run is there or is to be done."""
+    return not options.done or (run / "seconds").exists()
+
+
 def form(name, seed, options):
     """Presses a network together; its folder, height [m] and contacts a fibre, counted once."""
     r_p, bend = NETWORKS[name]
-    length, count = 2 * RADIUS * r_p, round(options.count * r_p / 75)
+    length, count = 2 * RADIUS * r_p, round(100 * options.width * r_p / 75)
     out = options.out / f"{name}{seed}"
-    stokes = 6 * math.pi * r_p / 5 * RADIUS
+    # The weight of the text is that of a piston two fibre lengths wide.
+    mass = 1e5 * 6 * math.pi * r_p / 5 * RADIUS * options.width / 2
     settings = {
-        "ambient.domain.size": [2 * length, 2 * length, 4 * length],
+        "ambient.domain.size": [2 * length, options.width * length, 4 * length],
         "fibres.0.placement.count": count,
         "fibres.0.placement.seed": seed,
         "fibres.0.shape": shape(bend),
         "fibres.0.length": length,
         "contact.repulsion": repulsion(r_p, 1.0),
-        "piston.mass": 1e5 * stokes,
-        "piston.weight": 1e5 * stokes * RADIUS,
+        "piston.mass": mass,
+        "piston.weight": mass * RADIUS,
         "output.vtk": "{ every = 100000 }",
     }
     once(out, HERE / "case.toml", settings)
     piston = pd.read_csv(out / "series" / "piston.csv").iloc[-1]
-    height = 4 * length - piston.travelled
-    fraction = count * math.pi * RADIUS**2 * length / (4 * length**2 * height)
+    height = float(4 * length - piston.travelled)
+    fraction = count * math.pi * RADIUS**2 * length / (2 * options.width * length**2 * height)
     if abs(fraction / FRACTION - 1) > 1e-9:
         raise SystemExit(f"{out}: the piston has not arrived, volume fraction {fraction:.4f}")
     shutil.copy(HERE / "pull.toml", out / "pull.toml")
@@ -98,17 +109,17 @@ def form(name, seed, options):
 
 
 def pull(name, out, height, stiffness, friction, options):
-    """Pulls a network apart; its curve of Δx/L, T/ηu_pL, averaged as in the text, its scatter in between, and seconds."""
+    """Pulls a network apart; its curve of Δx/L and T/ηu_pL by two fibre lengths of width, averaged as in the text, its scatter in between, and seconds."""
     r_p, bend = NETWORKS[name]
     length = 2 * RADIUS * r_p
     rate = STIFFNESS / stiffness
-    speed, run = RADIUS * rate, out / f"S{stiffness:g}_mu{friction:g}"
+    speed, run = RADIUS * rate, pulled(out, stiffness, friction)
     wall = '{{ kind = "plane", point = [0.0, 0.0, {}], normal = [0.0, 0.0, {}] }}'
     settings = {
         "time.end": options.stretch * length / (2 * speed),
         "time.step": options.step / rate,
         "ambient.domain.origin": [-4 * length, 0.0, 0.0],
-        "ambient.domain.size": [10 * length, 2 * length, height],
+        "ambient.domain.size": [10 * length, options.width * length, height],
         "fibres.0.shape": shape(bend),
         "fibres.0.length": length,
         "contact.friction": friction,
@@ -119,7 +130,7 @@ def pull(name, out, height, stiffness, friction, options):
     }
     seconds = once(run, out / "pull.toml", settings)
     data = pd.read_csv(run / "series" / "grips.csv").iloc[1:]
-    stretch, tension = data.elongation.to_numpy() / length, data.tension.to_numpy() / (speed * length)
+    stretch, tension = data.elongation.to_numpy() / length, data.tension.to_numpy() / (speed * length) * 2 / options.width
     bins = np.minimum((stretch / INTERVAL).astype(int), max(0, round(options.stretch / INTERVAL) - 1))
     mean = np.array([tension[bins == k].mean() for k in range(bins.max() + 1)])
     at = (np.arange(len(mean)) + 0.5) * INTERVAL
@@ -142,7 +153,8 @@ def main():
     parser.add_argument("--stretch", type=float, default=0.6)
     parser.add_argument("--step", type=float, default=1e-2, help="u_pΔt/b")
     parser.add_argument("--seeds", type=int, default=2)
-    parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--width", type=float, default=2.0)
+    parser.add_argument("--done", action="store_true")
     parser.add_argument("--networks", nargs="*", choices=NETWORKS, default=list(NETWORKS))
     parser.add_argument("--out", type=pathlib.Path, default=ROOT / "runs" / "validate" / "planar-network")
     options = parser.parse_args()
@@ -153,10 +165,15 @@ def main():
     for name in options.networks:
         pulls = [(STIFFNESS, 20.0)] + (PULLS if name == "slight" else [])
         r_p = NETWORKS[name][0]
-        formed = [form(name, seed, options) for seed in range(1, options.seeds + 1)]
+        formed = [form(name, seed, options) for seed in range(1, options.seeds + 1) if wanted(options.out / f"{name}{seed}", options)]
+        if not formed:
+            continue
         contacts = np.array([c for _, _, c in formed])
         for stiffness, friction in pulls:
-            found = [pull(name, out, height, stiffness, friction, options) for out, height, _ in formed]
+            there = [(out, height) for out, height, _ in formed if wanted(pulled(out, stiffness, friction), options)]
+            found = [pull(name, out, height, stiffness, friction, options) for out, height in there]
+            if not found:
+                continue
             at, set_of = found[0][0], np.array([mean for _, mean, _, _ in found])
             top, error, where, slope = strength(at, set_of)
             scatter = np.mean([np.std(rest) for _, _, rest, _ in found])

@@ -181,7 +181,8 @@ fn check_contacts(case: &Case, document: &Document) -> Checked {
     match walls.iter().position(|wall| !plane(wall)) {
         Some(k) => {
             let path = format!("contact.walls[{k}].kind");
-            let error = document.value_error(&path, "linked fibres know plane walls alone");
+            let message = format!("`{path}`: linked fibres know plane walls alone");
+            let error = document.value_error(&path, message);
             Err(error.with_help("kind = \"plane\""))
         }
         None => Ok(()),
