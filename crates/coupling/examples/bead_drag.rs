@@ -51,12 +51,17 @@ fn main() {
     };
     for (radius, cells) in sizes {
         for width in [1.0, 1.5, 2.0, 3.0] {
-            for ratio in [0.6, 0.75, 0.9, 1.05] {
+            let ratios = if solid {
+                [0.75, 0.85, 0.9, 0.95]
+            } else {
+                [0.6, 0.75, 0.9, 1.05]
+            };
+            for ratio in ratios {
                 let mut fluid = fluid(cells);
                 let profile = Profile {
                     radius,
                     width,
-                    cutoff: 4.0 * width,
+                    cutoff: if solid { 5.0 } else { 4.0 } * width,
                 };
                 let nodes = BeadNodes::new(fluid.mesh(), profile);
                 let (mut drags, mut iterations) = (Vec::new(), 0);

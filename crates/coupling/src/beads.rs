@@ -13,27 +13,40 @@ use fibreflow_fluid::FluidError;
 use fibreflow_fluid::{BodyLink, BodyMotion, BodyPart, Fluid, PhaseField, affinity};
 use nalgebra::SMatrix;
 
-/// ℓ/ξ at which a bead has the drag of a sharp one of radius r_b, by powers of ξ/r_b: discs, 0.08 < ξ/r_b < 0.5 (`examples/bead_drag.rs`).
-const SCREENING: [f64; 3] = [0.97, -0.95, 0.75];
+/// ℓ/ξ at which a bead has the drag of a sharp one of radius r_b, by powers of ξ/r_b (`examples/bead_drag.rs`): discs, 0.08 < ξ/r_b < 0.5,
+/// and spheres, 0.16 < ξ/r_b < 0.6.
+const SCREENING_OF_DISCS: [f64; 3] = [0.97, -0.95, 0.75];
+const SCREENING_OF_SPHERES: [f64; 3] = [0.954, -0.422, 0.414];
 
 /// What all beads share.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BeadSettings {
     /// φ of a bead.
     pub profile: Profile,
-    /// ℓ \[m\], over which a flow that is not rigid dies out inside.
-    pub screening: f64,
+    /// ℓ \[m\], over which a flow that is not rigid dies out inside; none: that at which drag is right.
+    pub screening: Option<f64>,
 }
 
 impl BeadSettings {
     /// With the ℓ at which drag is right.
     pub fn new(profile: Profile) -> Self {
-        let ratio = profile.width / profile.radius;
-        let [a, b, c] = SCREENING;
         Self {
             profile,
-            screening: profile.width * (a + ratio * (b + ratio * c)),
+            screening: None,
         }
+    }
+
+    /// ℓ of discs or spheres \[m\].
+    fn screening(&self, discs: bool) -> f64 {
+        let Profile { radius, width, .. } = self.profile;
+        let [a, b, c] = if discs {
+            SCREENING_OF_DISCS
+        } else {
+            SCREENING_OF_SPHERES
+        };
+        let ratio = width / radius;
+        let recommended = width * (a + ratio * (b + ratio * c));
+        self.screening.unwrap_or(recommended)
     }
 }
 
@@ -74,6 +87,8 @@ pub struct Bead {
 /// All beads, the same on every rank.
 pub struct Beads {
     settings: BeadSettings,
+    /// ℓ \[m\].
+    screening: f64,
     nodes: BeadNodes,
     beads: Vec<Bead>,
     /// ψ_0 and ψ* by bead, and which stay where they are.
@@ -95,8 +110,10 @@ pub const RECORD: usize = 13;
 impl Beads {
     /// At rest, on the mesh of a fluid. Collective.
     pub fn new(fluid: &Fluid, settings: BeadSettings, chains: &[Chain]) -> Self {
+        let nodes = BeadNodes::new(fluid.mesh(), settings.profile);
         let mut beads = Self {
-            nodes: BeadNodes::new(fluid.mesh(), settings.profile),
+            screening: settings.screening(nodes.flat().is_some()),
+            nodes,
             settings,
             beads: Vec::new(),
             inside: Vec::new(),
@@ -136,6 +153,11 @@ impl Beads {
     /// What all beads share.
     pub fn settings(&self) -> &BeadSettings {
         &self.settings
+    }
+
+    /// ℓ \[m\], over which a flow that is not rigid dies out inside.
+    pub fn screening(&self) -> f64 {
+        self.screening
     }
 
     /// The beads, chain after chain.
@@ -218,7 +240,7 @@ impl Beads {
             let centres: Vec<[f64; 3]> = self.beads.iter().map(middle).collect();
             parts = self.nodes.parts(&centres);
         }
-        fluid.set_bodies(self.settings.screening, parts, motions, links)
+        fluid.set_bodies(self.screening, parts, motions, links)
     }
 
     /// Takes the motions of the flow just solved, and moves on by `dt` \[s\]. Collective.

@@ -53,7 +53,7 @@ pub fn describe(scene: &Scene, case: &Case) -> Vec<String> {
             beads.offsets().len() - 1,
             settings.profile.radius,
             settings.profile.width,
-            settings.screening
+            beads.screening()
         ));
     }
     if case.ambient.is_some() {

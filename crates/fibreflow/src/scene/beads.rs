@@ -27,9 +27,7 @@ pub fn beads(
         width,
         cutoff: beads.cutoff.unwrap_or(5.0 * width),
     });
-    if let Some(screening) = beads.screening {
-        settings.screening = screening;
-    }
+    settings.screening = beads.screening;
     let chain = |(k, chain): (usize, &case::BeadChain)| {
         if chain.direction == [0.0; 3] {
             return Err(ProgramError::input(format!(

@@ -16,6 +16,9 @@ use fibreflow_parallel::Communicator;
 use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector3};
 use std::sync::Arc;
 
+/// Radius of gyration by ℓ beyond which the preconditioner sees bodies as porous media: below, that costs iterations.
+const POROUS: f64 = 4.5;
+
 /// How a body moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BodyMotion {
@@ -246,6 +249,18 @@ impl Bodies {
         motion
     }
 
+    /// √(Σ κφ) by owned node.
+    fn roots(&self, volumes: &[f64]) -> Vec<f64> {
+        let mut roots = vec![0.0; volumes.len()];
+        for part in self.parts.iter() {
+            for ((&i, share), _) in part.entries() {
+                roots[i as usize] += self.resistance * share / volumes[i as usize];
+            }
+        }
+        roots.iter_mut().for_each(|r| *r = r.sqrt());
+        roots
+    }
+
     /// Adds what the bodies resist the flow with: κ s (u − P u) of free ones and κ s u of those of given motion, and links. Collective.
     pub fn resist(&mut self, u: &[[f64; 4]], out: &mut [[f64; 4]], communicator: &Communicator) {
         self.project(u, communicator);
@@ -467,6 +482,11 @@ impl Fluid {
             ));
         }
         let some = !bodies.parts.is_empty();
+        creeping.preconditioner.resistance = if some && bodies.scale > POROUS * length {
+            bodies.roots(volumes)
+        } else {
+            Vec::new()
+        };
         creeping.preconditioner.modes.fit(&bodies, communicator);
         creeping.system.bodies = some.then_some(bodies);
         Ok(())

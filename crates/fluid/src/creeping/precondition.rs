@@ -3,7 +3,7 @@
 //! ũ = Â⁻¹ r_u,   p̃ = Ŝ⁻¹ (r_p − D ũ),   Ŝ⁻¹ = ν M⁻¹ + s L⁻¹
 //!
 //! (Cahouet & Chabert 1988): M the dual volumes, L the compact Poisson operator, s the rate of the time step. Bodies join Â by their lowest
-//! modes (`modes`); what they do to the pressure is left to the iterations.
+//! modes (`modes`), and those much larger than ℓ join Ŝ⁻¹ as porous media, √(κφ) L⁻¹ √(κφ).
 
 use super::modes::{ACCURATE, BodyModes};
 use crate::boundary::Boundary;
@@ -32,6 +32,8 @@ pub(super) struct BlockPreconditioner {
     rate: f64,
     /// The mesh is one element thick.
     flat: bool,
+    /// √(Σ κφ) by owned node of bodies that hold most of their pressure by themselves \[s^(−½)\]; empty without.
+    pub resistance: Vec<f64>,
     /// The bodies in the viscous solves.
     pub modes: BodyModes,
     /// Direct solves are wanted where they are possible.
@@ -76,6 +78,7 @@ impl BlockPreconditioner {
             poisson: None,
             rate: f64::NAN,
             flat: is_flat(mesh),
+            resistance: Vec::new(),
             modes: BodyModes::default(),
             directly,
             krylov: ConjugateGradients::new(),
@@ -112,7 +115,7 @@ impl BlockPreconditioner {
             room,
             communicator,
         )?;
-        if rate > 0.0 && self.poisson.is_none() {
+        if (rate > 0.0 || !self.resistance.is_empty()) && self.poisson.is_none() {
             let fixed = &boundary.pressure_fixed;
             let inverse = Inverse::new(mesh, operators, fixed, 0.0, self.directly)?;
             self.poisson = Some(inverse);
@@ -184,6 +187,18 @@ impl BlockPreconditioner {
         rows::each(&mut z[..r.len()], |i, z| {
             z[3] = viscosity / volumes[i] * rhs[i]
         });
+        if !self.resistance.is_empty()
+            && let Some(inverse) = &mut self.poisson
+        {
+            // Inside a body the flow is that through a porous medium.
+            let root = &self.resistance;
+            let divergence = self.rhs.clone();
+            rows::each(&mut self.rhs, |i, rhs| *rhs *= root[i]);
+            inverse.solve(&mut self.krylov, &self.rhs, &mut self.answer, &INNER)?;
+            let answer = &self.answer;
+            rows::each(&mut z[..r.len()], |i, z| z[3] += root[i] * answer[i]);
+            self.rhs.copy_from_slice(&divergence);
+        }
         if rate > 0.0
             && let Some(inverse) = &mut self.poisson
         {
