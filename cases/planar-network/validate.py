@@ -130,6 +130,7 @@ def pull(name, out, height, stiffness, friction, options):
     }
     seconds = once(run, out / "pull.toml", settings)
     data = pd.read_csv(run / "series" / "grips.csv").iloc[1:]
+    data = data[data.elongation <= options.stretch * length * (1 + 1e-9)]
     stretch, tension = data.elongation.to_numpy() / length, data.tension.to_numpy() / (speed * length) * 2 / options.width
     bins = np.minimum((stretch / INTERVAL).astype(int), max(0, round(options.stretch / INTERVAL) - 1))
     mean = np.array([tension[bins == k].mean() for k in range(bins.max() + 1)])
@@ -187,6 +188,8 @@ def main():
                 "bend": round(NETWORKS[name][1], 4),
                 "S_eff": stiffness * (75 / r_p) ** 4,
                 "friction": friction,
+                "width": options.width,
+                "stretch": round(at[-1] + 0.5 * INTERVAL, 3),
                 "seeds": len(found),
                 "contacts": contacts.mean(),
                 "strength": top,
@@ -221,8 +224,11 @@ def draw(curves, path):
             (line,) = axis.plot(at, scale * mean, label=label(key))
             if len(curve) > 1:
                 axis.fill_between(at, scale * curve.min(axis=0), scale * curve.max(axis=0), color=line.get_color(), alpha=0.2)
+        axis.set_visible(bool(members))
+        axis.set_ylim(bottom=0.0)
         axis.set(title=title, ylabel="$T/ηu_pL$" if title != "length" else "$T/ηu_p·150b$")
-        axis.legend(fontsize=7)
+        if members:
+            axis.legend(fontsize=7)
     for axis in axes[1]:
         axis.set(xlabel="Δx/L")
     figure.tight_layout()
