@@ -6,7 +6,7 @@ use std::process::Command;
 use std::time::Instant;
 
 const CASE: &str = r#"[time]
-end = 4.0
+end = 2.5
 step = 2e-2
 
 [ambient]
@@ -63,7 +63,7 @@ first = 7
 [results]
 columns = ["structure.eta_sp", "fibres.contacts"]
 from = 1.0
-to = 3.8
+to = 2.3
 steady = "structure.alignment"
 "#;
 
@@ -159,12 +159,12 @@ fn killed_and_gone_on_with_it_gives_the_same_table() {
         let line = members.lines().find(|line| line.starts_with(&start));
         let fields: Vec<&str> = line.expect("a line").split(',').collect();
         let from: f64 = fields[4].parse().expect("a time");
-        assert!((1.0..4.0).contains(&from), "{from}");
+        assert!((1.0..2.3).contains(&from), "{from}");
         let name = format!("whole/members/concentration=low_shape=straight_seed={seed}");
         mean(
             &read(&bench, &format!("{name}/series/structure.csv")),
             "eta_sp",
-            [from, 3.8],
+            [from, 2.3],
         )
     };
     let (a, b) = (of_seed(7), of_seed(8));
@@ -267,12 +267,12 @@ fn bad_sweeps_are_refused_before_anything_runs() {
             &["results.columns[0]", "FILE.COLUMN"],
         ),
         (
-            "to = 3.8",
+            "to = 2.3",
             "to = 0.5",
             &["results.to = 0.5", "a later time"],
         ),
         (
-            "from = 1.0\nto = 3.8",
+            "from = 1.0\nto = 2.3",
             "from = 5.0",
             &["results.from = 5", "time.end"],
         ),
