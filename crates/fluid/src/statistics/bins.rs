@@ -15,6 +15,9 @@ const MOST: usize = 1 << 12;
 /// Rings, and bins of meshes without planes, with fewer nodes than this share of the fullest one are joined with the next.
 const FULL: f64 = 0.25;
 
+/// Rings nearer than this share of the last distance between two are joined.
+const CLOSE: f64 = 0.2;
+
 /// Nodes in planes or rings.
 #[derive(Clone, Debug)]
 pub(super) struct Bins {
@@ -195,8 +198,8 @@ fn starts(positions: &[f64], tolerance: f64, join: bool, communicator: &Communic
     let mut starts = Vec::new();
     // From the wall inwards, so that the sparse rings are those around the axis.
     let mut held = 0.0;
-    let mut lowest = f64::INFINITY;
-    for group in all.iter().rev() {
+    let (mut lowest, mut first, mut gap) = (f64::INFINITY, f64::INFINITY, 0.0);
+    for (k, group) in all.iter().enumerate().rev() {
         // A plane or ring that is full stays alone; what lies just outside joins those further out.
         if group[1] >= least
             && held > 0.0
@@ -206,9 +209,18 @@ fn starts(positions: &[f64], tolerance: f64, join: bool, communicator: &Communic
         }
         held += group[1];
         lowest = start(group[0]);
-        if held >= least {
-            starts.push(lowest);
-            held = 0.0;
+        if held < least {
+            continue;
+        }
+        held = 0.0;
+        match starts.last_mut() {
+            // Beside its neighbour it would have no slope of its own; the last may be a wall.
+            Some(outer) if k > 0 && first - lowest < CLOSE * gap => *outer = lowest,
+            outer => {
+                gap = outer.map_or(0.0, |outer| *outer - lowest);
+                first = lowest;
+                starts.push(lowest);
+            }
         }
     }
     if held > 0.0 {
@@ -252,4 +264,37 @@ fn groups(positions: &mut [[f64; 2]], tolerance: f64) -> Vec<[f64; 2]> {
         last = p;
     }
     groups
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sparse_and_close_rings_are_joined() {
+        // From the wall: full rings, one beside another, a few nodes, full ones, three about the axis.
+        let rings = [
+            (1.0, 8),
+            (0.9, 8),
+            (0.8, 8),
+            (0.79, 8),
+            (0.75, 1),
+            (0.7, 8),
+            (0.6, 6),
+            (0.1, 1),
+        ];
+        let positions: Vec<f64> = rings
+            .iter()
+            .flat_map(|&(r, count)| vec![r; count])
+            .collect();
+        let starts = starts(&positions, 1e-9, true, &Communicator::single());
+        let wanted = [f64::NEG_INFINITY, 0.7, 0.75, 0.9, 1.0];
+        assert_eq!(starts.len(), wanted.len(), "{starts:?}");
+        for (found, wanted) in starts.iter().zip(wanted) {
+            assert!(
+                (found - wanted).abs() < 1e-6 || *found == wanted,
+                "{starts:?}"
+            );
+        }
+    }
 }
