@@ -13,6 +13,7 @@ fn cluster() -> (Vec<Chain>, Vec<Segment>, Vec<Touch>) {
         id: 0,
         radius: 1.0,
         half_length: 8.0,
+        own: mobility.force,
         mobility,
         bending: [1.0; 2],
         twisting: 1.0,
