@@ -53,15 +53,15 @@ def hybrid(out):
 
 
 def measure(name, summary, wall, run):
-    far = wall[wall.y_plus > 5]
+    far, fluid = wall[wall.y_plus > 5], run.get("fluid", {})
     wanted = np.interp(far.y_plus, DNS.y_plus, DNS["Uz_plus"])
     return {
-        "member": name, "nodes": run["fluid"]["nodes"], "averaged": summary["averaging_time"], "u_tau": summary["friction_velocity"],
+        "member": name, "nodes": fluid.get("nodes"), "averaged": summary["averaging_time"], "u_tau": summary["friction_velocity"],
         "u_tau_percent": 100 * (summary["friction_velocity"] / FRICTION - 1),
         "u_tau_sampling_percent": 50 * abs(summary["wall_stress_error"] / summary["wall_stress"]),
         "U_worst_percent": 100 * np.abs(far.U_plus / wanted - 1).max(), "U_centre_percent": 100 * (wall.U_plus.iloc[-1] / DNS.Uz_plus.iloc[-1] - 1),
         "u_peak_percent": 100 * (wall.u_rms.max() / DNS.uz_rms_plus.max() - 1), "stress_residual_percent": 100 * summary["stress_residual"],
-        "us_per_node_step": 1e6 * run["fluid"]["seconds_per_node_step"], "poisson_iterations": run["fluid"]["poisson_iterations_mean"],
+        "us_per_node_step": 1e6 * fluid.get("seconds_per_node_step", float("nan")), "poisson_iterations": fluid.get("poisson_iterations_mean"),
     }
 
 
