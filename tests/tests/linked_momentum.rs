@@ -2,7 +2,6 @@
 
 use fibreflow_coupling::Coupling;
 use fibreflow_fibre::contact::Repulsion;
-use fibreflow_fibre::hydrodynamics::SpheroidRatio;
 use fibreflow_fibre::linked::{Joint, LinkedFibre, LinkedScheme, LinkedSettings, LinkedSystem};
 use fibreflow_fibre::{Ambient, Fibre, Material, PeriodicBox, Points};
 use fibreflow_fluid::{Fluid, FluidSettings};
@@ -74,9 +73,6 @@ fn momentum_of_the_fluid_grows_by_the_weight_of_the_fibres() {
         let no_slip = vec![false; mesh.owned()];
         let mut coupling = Coupling::new(mesh, geometry, no_slip).expect("coupling");
         let linked = LinkedSettings {
-            scheme: LinkedScheme::Implicit,
-            viscosity: 1e-3,
-            spheroid: SpheroidRatio::Bretherton,
             repulsion: Some(Repulsion {
                 strength: 1e-6,
                 decay: 1e-6,
@@ -86,15 +82,11 @@ fn momentum_of_the_fluid_grows_by_the_weight_of_the_fibres() {
                 contact_gap: 7e-6,
             }),
             friction: [2.0, 1.0],
-            skin: 4e-5,
             periodic: PeriodicBox {
                 origin: Vector3::zeros(),
                 lengths: [Some(BOX); 3],
             },
-            shear_rate: 0.0,
-            walls: Vec::new(),
-            piston: None,
-            grips: None,
+            ..LinkedSettings::new(LinkedScheme::Implicit, 1e-3, 4e-5)
         };
         let mut fibres = LinkedSystem::new(&communicator, linked, fibres()).expect("fibres");
         let (mut points, mut ambient) = (Points::default(), Ambient::default());

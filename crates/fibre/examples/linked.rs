@@ -4,7 +4,7 @@
 //! WARM is a strain that is passed before, by implicit steps of 2e-3. Prints segment-steps per second of processor time (set RAYON_NUM_THREADS=1), contacts per fibre, sweeps a step.
 
 use fibreflow_fibre::contact::Repulsion;
-use fibreflow_fibre::hydrodynamics::{AmbientFlow, SpheroidRatio};
+use fibreflow_fibre::hydrodynamics::AmbientFlow;
 use fibreflow_fibre::linked::{Joint, LinkedFibre, LinkedScheme, LinkedSettings, LinkedSystem};
 use fibreflow_fibre::placement::{
     Amount, CentreLine, Orientation, PlacementGroup, Population, Quantity, Region, place,
@@ -68,9 +68,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     });
     let made = made.collect::<Result<Vec<_>, _>>()?;
     let settings = |scheme| LinkedSettings {
-        scheme,
-        viscosity: 1.0,
-        spheroid: SpheroidRatio::Bretherton,
         repulsion: Some(Repulsion {
             strength: 150.0 * 6.0 * PI * HALF,
             decay: 0.05,
@@ -80,12 +77,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             contact_gap: 0.33,
         }),
         friction: [20.0, 0.0],
-        skin: 2.0,
         periodic,
         shear_rate: 1.0,
-        walls: Vec::new(),
-        piston: None,
-        grips: None,
+        ..LinkedSettings::new(scheme, 1.0, 2.0)
     };
     let communicator = Communicator::single();
     let flow = |x: &Vector3, _: f64| AmbientFlow::Shear { rate: 1.0 }.at(x);

@@ -1,7 +1,7 @@
 //! Linked rigid fibres: conservation, exact limits, restart, threads.
 
 use fibreflow_fibre::contact::Repulsion;
-use fibreflow_fibre::hydrodynamics::{AmbientFlow, SpheroidRatio};
+use fibreflow_fibre::hydrodynamics::AmbientFlow;
 use fibreflow_fibre::linked::{Joint, LinkedFibre, LinkedScheme, LinkedSettings, LinkedSystem};
 use fibreflow_fibre::{Fibre, Material, Matrix3, PeriodicBox, Vector3};
 use fibreflow_parallel::Communicator;
@@ -17,9 +17,6 @@ fn settings() -> LinkedSettings {
 fn by(scheme: LinkedScheme) -> LinkedSettings {
     let force = 150.0 * 6.0 * PI * 8.0;
     LinkedSettings {
-        scheme,
-        viscosity: 1.0,
-        spheroid: SpheroidRatio::Bretherton,
         repulsion: Some(Repulsion {
             strength: force,
             decay: 0.05,
@@ -29,12 +26,7 @@ fn by(scheme: LinkedScheme) -> LinkedSettings {
             contact_gap: 0.33,
         }),
         friction: [2.0, 1.0],
-        skin: 3.0,
-        periodic: PeriodicBox::unbounded(),
-        shear_rate: 0.0,
-        walls: Vec::new(),
-        piston: None,
-        grips: None,
+        ..LinkedSettings::new(scheme, 1.0, 3.0)
     }
 }
 

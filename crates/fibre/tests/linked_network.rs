@@ -1,7 +1,6 @@
 //! Networks of linked fibres: walls, the piston that forms them and the grips that pull them apart (Switzer 2002, 2.11).
 
 use fibreflow_fibre::contact::{Repulsion, Wall};
-use fibreflow_fibre::hydrodynamics::SpheroidRatio;
 use fibreflow_fibre::linked::{
     Grips, Joint, LinkedFibre, LinkedScheme, LinkedSettings, LinkedSystem, Piston,
 };
@@ -17,9 +16,6 @@ const STOKES: f64 = 6.0 * PI * HALF;
 
 fn settings(scheme: LinkedScheme) -> LinkedSettings {
     LinkedSettings {
-        scheme,
-        viscosity: 1.0,
-        spheroid: SpheroidRatio::Bretherton,
         repulsion: Some(Repulsion {
             strength: 150.0 * STOKES,
             decay: 0.05,
@@ -29,12 +25,7 @@ fn settings(scheme: LinkedScheme) -> LinkedSettings {
             contact_gap: 0.33,
         }),
         friction: [2.0; 2],
-        skin: 3.0,
-        periodic: PeriodicBox::unbounded(),
-        shear_rate: 0.0,
-        walls: Vec::new(),
-        piston: None,
-        grips: None,
+        ..LinkedSettings::new(scheme, 1.0, 3.0)
     }
 }
 

@@ -1,17 +1,14 @@
 //! Linked fibres in a flow that is known at their segments, and what they do to it.
 
 use fibreflow_fibre::contact::Repulsion;
-use fibreflow_fibre::hydrodynamics::{AmbientFlow, SpheroidRatio};
+use fibreflow_fibre::hydrodynamics::AmbientFlow;
 use fibreflow_fibre::linked::{Joint, LinkedFibre, LinkedScheme, LinkedSettings, LinkedSystem};
-use fibreflow_fibre::{Ambient, Fibre, Material, Matrix3, PeriodicBox, Points, Vector3};
+use fibreflow_fibre::{Ambient, Fibre, Material, Matrix3, Points, Vector3};
 use fibreflow_parallel::Communicator;
 use rand::{Rng, SeedableRng};
 
 fn system(scheme: LinkedScheme, fibres: Vec<LinkedFibre>) -> LinkedSystem {
     let settings = LinkedSettings {
-        scheme,
-        viscosity: 1.0,
-        spheroid: SpheroidRatio::Bretherton,
         repulsion: Some(Repulsion {
             strength: 2e4,
             decay: 0.05,
@@ -21,12 +18,7 @@ fn system(scheme: LinkedScheme, fibres: Vec<LinkedFibre>) -> LinkedSystem {
             contact_gap: 0.33,
         }),
         friction: [2.0, 1.0],
-        skin: 3.0,
-        periodic: PeriodicBox::unbounded(),
-        shear_rate: 0.0,
-        walls: Vec::new(),
-        piston: None,
-        grips: None,
+        ..LinkedSettings::new(scheme, 1.0, 3.0)
     };
     LinkedSystem::new(&Communicator::single(), settings, fibres).expect("fibres")
 }

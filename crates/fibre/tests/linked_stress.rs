@@ -1,9 +1,8 @@
 //! Particle stress of linked fibres beside formulas: rods, flows without strain, turned axes, contacts.
 
 use fibreflow_fibre::contact::Repulsion;
-use fibreflow_fibre::hydrodynamics::SpheroidRatio;
 use fibreflow_fibre::linked::{Joint, LinkedFibre, LinkedScheme, LinkedSettings, LinkedSystem};
-use fibreflow_fibre::{Fibre, Material, Matrix3, PeriodicBox, Quaternion, Shear, Vector3};
+use fibreflow_fibre::{Fibre, Material, Matrix3, Quaternion, Shear, Vector3};
 use fibreflow_parallel::Communicator;
 use std::f64::consts::PI;
 
@@ -11,9 +10,6 @@ const HALF: f64 = 10.0;
 
 fn settings(scheme: LinkedScheme) -> LinkedSettings {
     LinkedSettings {
-        scheme,
-        viscosity: 1.0,
-        spheroid: SpheroidRatio::Bretherton,
         repulsion: Some(Repulsion {
             strength: 9e3,
             decay: 0.05,
@@ -23,12 +19,7 @@ fn settings(scheme: LinkedScheme) -> LinkedSettings {
             contact_gap: 0.33,
         }),
         friction: [2.0, 1.0],
-        skin: 3.0,
-        periodic: PeriodicBox::unbounded(),
-        shear_rate: 0.0,
-        walls: Vec::new(),
-        piston: None,
-        grips: None,
+        ..LinkedSettings::new(scheme, 1.0, 3.0)
     }
 }
 

@@ -1,7 +1,6 @@
 //! The star floc of Switzer (2002, appendix D.4): two printed steps, digit by digit, and what must not reproduce them.
 
 use fibreflow_fibre::contact::Repulsion;
-use fibreflow_fibre::hydrodynamics::SpheroidRatio;
 use fibreflow_fibre::linked::{
     Joint, LinkedFibre, LinkedScheme, LinkedSettings, LinkedSystem, Touch,
 };
@@ -70,9 +69,6 @@ fn floc(without: Without, scheme: LinkedScheme) -> LinkedSystem {
     };
     let strength = if without.repulsion { 1e-12 } else { 150.0 };
     let settings = LinkedSettings {
-        scheme,
-        viscosity: 1.0,
-        spheroid: SpheroidRatio::Bretherton,
         repulsion: Some(Repulsion {
             strength: strength * FORCE,
             decay: 1.0 / 20.0,
@@ -87,15 +83,11 @@ fn floc(without: Without, scheme: LinkedScheme) -> LinkedSystem {
             (_, true) => [1e15; 2],
             _ => [20.0; 2],
         },
-        skin: 5.0,
         periodic: PeriodicBox {
             origin: Vector3::repeat(-100.0),
             lengths: [Some(200.0); 3],
         },
-        shear_rate: 0.0,
-        walls: Vec::new(),
-        piston: None,
-        grips: None,
+        ..LinkedSettings::new(scheme, 1.0, 5.0)
     };
     LinkedSystem::new(
         &Communicator::single(),

@@ -35,11 +35,10 @@ impl LinkedSystem {
             return Err(FibreError::LinkedSampled);
         }
         self.give_way(&ambient.yielding);
-        let zeros = || vec![Vector3::zeros(); self.segments.len()];
-        self.reaction = Reaction {
-            force: zeros(),
-            torque: zeros(),
-        };
+        for sums in [&mut self.reaction.force, &mut self.reaction.torque] {
+            sums.clear();
+            sums.resize(self.segments.len(), Vector3::zeros());
+        }
         let flow = |s: usize, x: &Vector3| {
             let gradient = ambient.gradient[s];
             (

@@ -44,6 +44,23 @@ pub struct LinkedSettings {
 }
 
 impl LinkedSettings {
+    /// Fibres in an unbounded fluid of a dynamic `viscosity` \[Pa·s\] that pass through each other, with Switzer's spheroids; `skin` \[m\].
+    pub fn new(scheme: LinkedScheme, viscosity: f64, skin: f64) -> Self {
+        Self {
+            scheme,
+            viscosity,
+            spheroid: SpheroidRatio::Bretherton,
+            repulsion: None,
+            friction: [0.0; 2],
+            skin,
+            periodic: PeriodicBox::unbounded(),
+            shear_rate: 0.0,
+            walls: Vec::new(),
+            piston: None,
+            grips: None,
+        }
+    }
+
     pub(super) fn check(&self) -> Result<(), FibreError> {
         let positive = |x: f64| x > 0.0 && x.is_finite();
         let zero = |x: f64| x >= 0.0 && x.is_finite();
