@@ -163,6 +163,38 @@ fn a_run_that_is_told_to_stop_saves_and_ends_well() {
     stopped(2, "USR1");
 }
 
+/// Symptom: means over a run that was stopped and gone on with counted the step of the stop once more than others.
+#[test]
+fn a_stop_on_the_way_leaves_no_line_of_its_own() {
+    let bench = bench();
+    let run = |out: &str, more: &[&str]| {
+        let schedules = [
+            "--set=output.series.every=5",
+            "--set=output.observables.every=5",
+        ];
+        let arguments: Vec<&str> = schedules.iter().chain(more).copied().collect();
+        let ended = bench.run(1, out, &arguments).expect("one rank");
+        assert!(ended.status.success(), "{}", ended.text);
+    };
+    run("parts", &["--steps=12", "--set=output.wall_time_limit=1e-9"]);
+    assert_eq!(bench.summary("parts")["steps"], 1);
+    run("parts", &["--steps=12", "--resume"]);
+    run("whole", &["--steps=12"]);
+    for file in ["orientation", "shape", "fibres", "fluid"] {
+        let steps = |out: &str| -> Vec<u64> {
+            let path = bench.path(out).join(format!("series/{file}.csv"));
+            let text = std::fs::read_to_string(path).expect("series");
+            let step = |line: &str| line.split(',').next().and_then(|s| s.parse().ok());
+            text.lines()
+                .skip(1)
+                .map(|line| step(line).expect("a step"))
+                .collect()
+        };
+        assert_eq!(steps("whole"), [0, 5, 10, 12], "{file}");
+        assert_eq!(steps("parts"), steps("whole"), "{file}");
+    }
+}
+
 fn stopped(ranks: usize, signal: &str) {
     let bench = bench();
     let Some(job) = bench.start(ranks, "stopped", &["--steps", "100000"]) else {

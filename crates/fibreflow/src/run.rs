@@ -161,7 +161,7 @@ impl Run {
             stop = timed(watched, || observers.observe(scene, clock, figures, log))?;
         }
         totals.close(scene, &ambient);
-        observers.finish(scene, clock, figures, log)?;
+        observers.finish(scene, clock, figures, stop, log)?;
         Ok(stop)
     }
 

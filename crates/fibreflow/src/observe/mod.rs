@@ -201,7 +201,8 @@ impl Observers {
         Ok(stop)
     }
 
-    /// After the last step. Collective.
+    /// After the last step. A run that was `stop`ped on the way adds no line of its own to its series: gone on with, they
+    /// are those of a run that was not, and means over them too. Collective.
     ///
     /// # Errors
     /// Files that cannot be written.
@@ -210,33 +211,12 @@ impl Observers {
         scene: &Scene,
         clock: &Clock,
         figures: &Figures,
+        stop: Stop,
         log: &mut Log,
     ) -> Result<(), ProgramError> {
         self.progress.last(clock, figures, log);
-        if self.moved && !clock.is_due(&self.output.series) {
-            self.series.write(scene, clock, figures)?;
-            self.network.write(scene, clock)?;
-        }
-        if let Some(loads) = self
-            .loads
-            .as_mut()
-            .filter(|l| self.moved && !l.is_due(clock))
-        {
-            loads.write(scene, clock)?;
-        }
-        if let Some(fibres) = self
-            .fibres
-            .as_mut()
-            .filter(|f| self.moved && !f.is_due(clock))
-        {
-            fibres.write(scene, clock)?;
-        }
-        let structure = self.structure.as_mut();
-        if let Some(structure) = structure.filter(|s| self.moved && !s.is_due(clock)) {
-            structure.write(scene, clock)?;
-        }
-        if self.moved {
-            self.turbulence.write(scene, clock, true)?;
+        if self.moved && stop == Stop::GoOn {
+            self.last_lines(scene, clock, figures)?;
         }
         self.flush()?;
         if self.moved && !clock.is_due(&self.output.vtk) {
@@ -246,6 +226,29 @@ impl Observers {
             self.save(scene, clock, log)?;
         }
         Ok(())
+    }
+
+    /// The end of every series that has no line of this step yet. Collective.
+    fn last_lines(
+        &mut self,
+        scene: &Scene,
+        clock: &Clock,
+        figures: &Figures,
+    ) -> Result<(), ProgramError> {
+        if !clock.is_due(&self.output.series) {
+            self.series.write(scene, clock, figures)?;
+            self.network.write(scene, clock)?;
+        }
+        if let Some(loads) = self.loads.as_mut().filter(|l| !l.is_due(clock)) {
+            loads.write(scene, clock)?;
+        }
+        if let Some(fibres) = self.fibres.as_mut().filter(|f| !f.is_due(clock)) {
+            fibres.write(scene, clock)?;
+        }
+        if let Some(structure) = self.structure.as_mut().filter(|s| !s.is_due(clock)) {
+            structure.write(scene, clock)?;
+        }
+        self.turbulence.write(scene, clock, true)
     }
 
     fn flush(&mut self) -> Result<(), ProgramError> {
