@@ -1,6 +1,7 @@
-"""Pictures of a pipe run: .venv/bin/python cases/pipe/pictures.py RUN_DIR [--out FILE]
+"""Pictures of a pipe run: .venv/bin/python cases/pipe/pictures.py RUN_DIR [--out DIR]
 
-section.png: axial velocity by the bulk velocity across the pipe in the middle and along it, with the edges of the mesh across.
+section.png : axial velocity by the bulk velocity across the pipe in the middle and along it, with the edges of the mesh across.
+vortices.png: where Q is --level root mean squares of it (`output.vortices = true`), coloured by the axial velocity.
 """
 
 import argparse
@@ -20,10 +21,26 @@ def triangles(surface):
     return flat.points, flat.faces.reshape(-1, 4)[:, 1:]
 
 
+def vortices(grid, level, path):
+    q = grid.point_data["q_criterion"]
+    surface = grid.contour([level * np.sqrt(np.mean(q**2))], scalars="q_criterion")
+    plotter = pv.Plotter(off_screen=True, window_size=(1500, 560))
+    plotter.set_background("white")
+    plotter.add_mesh(surface, scalars=surface.point_data["velocity"][:, 0], cmap="viridis", clim=(0, 1.4), scalar_bar_args={"title": "u / U_b", "color": "black", "position_x": 0.3, "n_labels": 2})
+    plotter.add_mesh(grid.outline(), color="black", line_width=1)
+    plotter.view_xy()
+    plotter.camera.elevation, plotter.camera.azimuth = 20, -25
+    plotter.reset_camera()
+    plotter.camera.zoom(1.5)
+    plotter.screenshot(path)
+    print(path)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("run", type=pathlib.Path)
-    parser.add_argument("--out", type=pathlib.Path)
+    parser.add_argument("--out", type=pathlib.Path, help="folder; default RUN_DIR/pictures")
+    parser.add_argument("--level", type=float, default=1.0)
     options = parser.parse_args()
     reader = pv.get_reader(str(options.run / "fluid.pvd"))
     reader.set_active_time_value(reader.time_values[-1])
@@ -47,10 +64,12 @@ def main():
             for pair in edges.points[lines]:
                 axes.plot(pair[:, a], pair[:, b], "k-", lw=0.15)
     plot.colorbar(image, ax=along, label="u / U_b", shrink=0.8)
-    out = options.out or options.run / "pictures" / "section.png"
-    out.parent.mkdir(exist_ok=True)
-    plot.savefig(out, dpi=110)
-    print(out)
+    out = options.out or options.run / "pictures"
+    out.mkdir(exist_ok=True)
+    plot.savefig(out / "section.png", dpi=110)
+    print(out / "section.png")
+    if "q_criterion" in grid.point_data:
+        vortices(grid, options.level, out / "vortices.png")
 
 
 main()

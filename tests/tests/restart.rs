@@ -176,7 +176,10 @@ fn a_stop_on_the_way_leaves_no_line_of_its_own() {
         let ended = bench.run(1, out, &arguments).expect("one rank");
         assert!(ended.status.success(), "{}", ended.text);
     };
-    run("parts", &["--steps=12", "--set=output.wall_time_limit=1e-9"]);
+    run(
+        "parts",
+        &["--steps=12", "--set=output.wall_time_limit=1e-9"],
+    );
     assert_eq!(bench.summary("parts")["steps"], 1);
     run("parts", &["--steps=12", "--resume"]);
     run("whole", &["--steps=12"]);

@@ -60,6 +60,21 @@ impl TurbulenceBudget {
 }
 
 impl Fluid {
+    /// Vorticity \[1/s\] and, last, Q = −½ ∂uᵢ/∂xⱼ ∂uⱼ/∂xᵢ \[1/s²\] (Hunt, Wray & Moin 1988) at the owned nodes, by the
+    /// conserving gradient of a velocity of owned and halo nodes.
+    pub fn vortices_of(&self, velocity: &[[f64; 4]]) -> Vec<[f64; 4]> {
+        let inverse = self.operators.inverse_volumes();
+        let mut values = vec![[0.0; 4]; inverse.len()];
+        self.operators
+            .velocity_gradient(velocity, &mut values, |i, g, value| {
+                let g = g.map(|row| row.map(|v| inverse[i] * v));
+                let [x, y, z] = curl(&g);
+                let product = |d: usize| (0..3).map(|c| g[d][c] * g[c][d]).sum::<f64>();
+                *value = [x, y, z, -0.5 * (0..3).map(product).sum::<f64>()];
+            });
+        values
+    }
+
     /// Energy budget of the moment. Collective.
     pub fn turbulence(&self) -> TurbulenceBudget {
         let (mean, kinetic_energy) = self.fluctuation();
@@ -70,7 +85,7 @@ impl Fluid {
             range.fold([0.0; 9], |mut sums, i| {
                 let g = operators.velocity_gradient_row(u, i);
                 let g = g.map(|row| row.map(|v| inverse[i] * v));
-                let curl = [g[1][2] - g[2][1], g[2][0] - g[0][2], g[0][1] - g[1][0]];
+                let curl = curl(&g);
                 let diffused = operators.diffusion_row(u, i);
                 for c in 0..3 {
                     sums[0] -= u[i][c] * diffused[c];
@@ -112,4 +127,9 @@ impl Fluid {
             kinematic_viscosity,
         }
     }
+}
+
+/// ∇ × u of ∂_d u_c at \[d\]\[c\].
+fn curl(g: &[[f64; 4]; 3]) -> [f64; 3] {
+    [g[1][2] - g[2][1], g[2][0] - g[0][2], g[0][1] - g[1][0]]
 }

@@ -98,6 +98,34 @@ fn linear_flows_have_the_viscosity_of_their_gradient() {
     }
 }
 
+/// ω and Q of a linear flow, at nodes inside.
+#[test]
+fn linear_flows_have_their_vorticity() {
+    let gradient = [[0.3, -1.2, 0.5], [0.9, 0.4, -0.7], [1.1, 0.2, -0.7]];
+    let row = |c: usize, x: [f64; 3]| (0..3).map(|d| gradient[c][d] * x[d]).sum();
+    let wanted = [
+        gradient[2][1] - gradient[1][2],
+        gradient[0][2] - gradient[2][0],
+        gradient[1][0] - gradient[0][1],
+        // −½ tr(∇u²), written out.
+        -0.5 * (0.3 * 0.3 + 0.4 * 0.4 + 0.7 * 0.7) + 1.2 * 0.9 - 0.5 * 1.1 + 0.7 * 0.2,
+    ];
+    for kind in KINDS {
+        let fluid = fluid(kind, [false; 3], 8, (0.1, None));
+        let nodes = fluid.mesh().nodes.iter();
+        let field: Vec<[f64; 4]> = nodes
+            .map(|&x| [row(0, x), row(1, x), row(2, x), 0.0])
+            .collect();
+        let mut values = fluid.vortices_of(&field);
+        for side in &fluid.geometry().boundary {
+            values[side.node as usize] = wanted;
+        }
+        let off = |v: &[f64; 4]| (0..4).map(|k| (v[k] - wanted[k]).abs()).fold(0.0, f64::max);
+        let worst = values.iter().map(off).fold(0.0, f64::max);
+        assert!(worst < 1e-11, "{kind:?}: {worst:e}");
+    }
+}
+
 /// For noise, which sees every pair, and for eddies: the model takes energy, at least 2⟨ν_t S:S⟩ of the nodes on two-point meshes;
 /// and momentum stays.
 #[test]

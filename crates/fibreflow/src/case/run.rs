@@ -31,6 +31,9 @@ pub struct Time {
 pub struct Output {
     /// VTK files of fluid and fibres. Default: at the start and at the end.
     pub vtk: Schedule,
+    /// Vorticity [1/s] and Q-criterion [1/s²] at the nodes in the VTK files of the fluid, too.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub vortices: bool,
     /// Lines of the CSV series. Default: every step.
     pub series: Schedule,
     /// Checkpoints; the last two are kept. Default: at the end.
@@ -67,6 +70,7 @@ impl Default for Output {
     fn default() -> Self {
         Self {
             vtk: Schedule::default(),
+            vortices: false,
             series: Schedule {
                 every: Some(1),
                 interval: None,

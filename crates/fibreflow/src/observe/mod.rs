@@ -110,7 +110,12 @@ impl Observers {
             statistics: StatisticsOutput::open(case, folder, scene, clock, kept)?,
             samples: SampleOutput::open(case, folder, scene, resumed.then_some(clock))?,
             turbulence: TurbulenceSeries::open(case, folder, scene, resumed.then_some(clock.step))?,
-            vtk: VtkOutput::new(folder, scene, resumed.then_some(clock.time))?,
+            vtk: VtkOutput::new(
+                folder,
+                scene,
+                case.output.vortices,
+                resumed.then_some(clock.time),
+            )?,
             progress: Progress::new(clock),
             folder: folder.to_owned(),
             signal,

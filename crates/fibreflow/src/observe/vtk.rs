@@ -17,6 +17,7 @@ use std::path::{Path, PathBuf};
 pub struct VtkOutput {
     folder: PathBuf,
     grid: Option<Grid>,
+    vortices: bool,
     periods: Periods,
     fluid: Collection,
     fibres: Collection,
@@ -24,11 +25,16 @@ pub struct VtkOutput {
 }
 
 impl VtkOutput {
-    /// A new output, or one that goes on after `resume` \[s\].
+    /// A new output, with vorticity where `vortices`, or one that goes on after `resume` \[s\].
     ///
     /// # Errors
     /// Folders that cannot be made.
-    pub fn new(folder: &Path, scene: &Scene, resume: Option<f64>) -> Result<Self, ProgramError> {
+    pub fn new(
+        folder: &Path,
+        scene: &Scene,
+        vortices: bool,
+        resume: Option<f64>,
+    ) -> Result<Self, ProgramError> {
         let fluid = scene.flow.fluid();
         let collection = |name: &str| match resume {
             Some(time) => Collection::resume(&folder.join(name), time),
@@ -37,6 +43,7 @@ impl VtkOutput {
         Ok(Self {
             folder: folder.to_owned(),
             grid: fluid.map(|f| Grid::new(f.mesh())),
+            vortices,
             periods: scene.periods,
             fluid: collection("fluid.pvd"),
             fibres: collection("fibres.pvd"),
@@ -52,7 +59,7 @@ impl VtkOutput {
         let (folder, communicator) = (self.folder.clone(), &scene.communicator);
         if let (Some(fluid), Some(grid)) = (scene.flow.fluid(), &self.grid) {
             let phase = scene.flow.phase().map(|phase| &phase.field);
-            let piece = fluid_piece(grid, fluid, phase);
+            let piece = fluid_piece(grid, fluid, phase, self.vortices);
             let set = DataSet {
                 folder: &folder,
                 name: "fluid",
@@ -157,9 +164,9 @@ impl DataSet<'_> {
     }
 }
 
-/// Velocity \[m/s\], pressure \[Pa\], body force \[N/m³\]; eddy viscosity \[m²/s\] where there is a model; ψ, φ and the
-/// mechanical pressure \[Pa\] of two fluids.
-fn fluid_piece(grid: &Grid, fluid: &Fluid, phase: Option<&PhaseField>) -> Piece {
+/// Velocity \[m/s\], pressure \[Pa\], body force \[N/m³\]; vorticity \[1/s\] and Q \[1/s²\] where `vortices`; eddy viscosity
+/// \[m²/s\] where there is a model; ψ, φ and the mechanical pressure \[Pa\] of two fluids.
+fn fluid_piece(grid: &Grid, fluid: &Fluid, phase: Option<&PhaseField>, vortices: bool) -> Piece {
     let density = fluid.settings().density;
     let mut pressure = fluid.pressure_everywhere();
     pressure.iter_mut().for_each(|p| *p *= density);
@@ -170,6 +177,14 @@ fn fluid_piece(grid: &Grid, fluid: &Fluid, phase: Option<&PhaseField>) -> Piece 
         grid.scalar("pressure", &pressure),
         grid.vector("body_force", &force),
     ];
+    if vortices {
+        let mut values = fluid.vortices_of(fluid.velocity());
+        values.resize(fluid.mesh().total(), [0.0; 4]);
+        fluid.mesh().halo.update(&mut values);
+        let q: Vec<f64> = values.iter().map(|v| v[3]).collect();
+        arrays.push(grid.vector("vorticity", &values));
+        arrays.push(grid.scalar("q_criterion", &q));
+    }
     if let Some(mut viscosity) = fluid.eddy_viscosity() {
         viscosity.resize(fluid.mesh().total(), 0.0);
         fluid.mesh().halo.update(&mut viscosity);
