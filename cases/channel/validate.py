@@ -221,7 +221,9 @@ def main():
     table.to_csv(options.out / "members.csv", index=False, float_format="%.5g")
     print(table.set_index("member").T.to_string())
     plot, axis, path = figure(found, options.out / "channel.png")
-    draw_spectra(axis, options.out / "runs" / list(found)[-1], list(found)[-1])
+    with_spectra = [name for name in found if (options.out / "runs" / name / "profiles" / "spectrum_x.csv").exists()]
+    if with_spectra:
+        draw_spectra(axis, options.out / "runs" / with_spectra[-1], with_spectra[-1])
     plot.tight_layout()
     plot.savefig(path, dpi=100)
     errors(table, options.out / "errors.png")

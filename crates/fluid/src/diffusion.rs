@@ -137,7 +137,7 @@ impl Fluid {
     /// ν max Σ_j (w_ij + |w_ij|)/V_i \[1/s\] over all nodes: twice the largest ν Σ w/V where no weight is negative.
     /// Collective.
     pub(crate) fn find_viscous_rate(&self) -> f64 {
-        let sums = self.operators.weight_sums(|w| w + w.abs());
+        let sums = self.operators.viscous_sums(|w| w + w.abs());
         let rates = sums.iter().zip(self.operators.inverse_volumes());
         let largest = rates.fold(0.0, |m, (sum, inverse)| f64::max(m, sum * inverse));
         let nu = self.settings.kinematic_viscosity();

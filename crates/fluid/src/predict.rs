@@ -82,13 +82,15 @@ impl Momentum {
         geometry: &Arc<DualGeometry>,
         boundary: &Boundary,
     ) -> Result<Self, FluidError> {
-        let matrix =
-            PairMatrix::new(mesh, geometry, &boundary.velocity_fixed, None).map_err(|source| {
-                FluidError::Solve {
-                    equation: "momentum",
-                    source,
-                }
-            })?;
+        let rows = |i: usize| {
+            let weight = |e: usize| (geometry.columns[e], geometry.viscous_weight(e));
+            geometry.row(i).map(weight)
+        };
+        let matrix = PairMatrix::from_rows(&mesh.halo, rows, &boundary.velocity_fixed, None);
+        let matrix = matrix.map_err(|source| FluidError::Solve {
+            equation: "momentum",
+            source,
+        })?;
         let (owned, total) = (vec![[0.0; 4]; mesh.owned()], vec![[0.0; 4]; mesh.total()]);
         Ok(Self {
             jacobi: Jacobi::new(&matrix),

@@ -13,6 +13,8 @@ pub(super) struct Pairs {
     pub border: Vec<bool>,
     /// Diffusive weight w of every entry \[m\].
     weights: Vec<f64>,
+    /// The same of viscosity \[m\].
+    viscous: Vec<f64>,
 }
 
 impl Pairs {
@@ -29,6 +31,9 @@ impl Pairs {
             geometry: Arc::clone(geometry),
             border,
             weights: geometry.faces.iter().map(|f| f[3]).collect(),
+            viscous: (0..geometry.faces.len())
+                .map(|e| geometry.viscous_weight(e))
+                .collect(),
         }
     }
 
@@ -73,7 +78,7 @@ impl Pairs {
     ) {
         self.each(part, out, |i, a, b| {
             let range = self.geometry.row(i);
-            let (flux, weights) = (&flux[range.clone()], &self.weights[range.clone()]);
+            let (flux, weights) = (&flux[range.clone()], &self.viscous[range.clone()]);
             let own = u[i];
             let (mut convection, mut diffusion) = ([0.0; 4], [0.0; 4]);
             let columns = &self.geometry.columns[range];

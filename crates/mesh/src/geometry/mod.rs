@@ -10,6 +10,7 @@
 mod element;
 mod flux;
 mod rows;
+mod stiffening;
 mod tensor;
 
 pub use flux::{FluxRule, face_pairs};
@@ -49,6 +50,7 @@ pub fn dual(mesh: &LocalMesh) -> Result<DualGeometry, MeshError> {
         images: rows.images,
         faces: rows.faces,
         masses: rows.masses,
+        viscous: rows.viscous,
         displacements: rows.displacements,
         total_volume: communicator.sum(volume),
         volumes,
