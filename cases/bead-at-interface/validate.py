@@ -1,5 +1,6 @@
 """Contact angle of a bead at an interface against L 44, eleven affinities (E2): .venv/bin/python cases/bead-at-interface/validate.py
 
+Members -0.55 … +0.55 have the interface of the case, ξ = 3Δ (3/20 of the bead's radius), those called `thin` ξ = 1.5Δ.
 Writes angles.csv and angles.png. Every bead starts at four fifths of the height that theory gives.
 """
 
@@ -19,7 +20,14 @@ import matplotlib.pyplot as plt
 
 HERE = pathlib.Path(__file__).resolve().parent
 RADIUS, MIDDLE = 20.0, 64.0
-MEMBERS = {f"{psi_0:+.2f}": psi_0 for psi_0 in np.linspace(-0.55, 0.55, 11)}
+MEMBERS = {f"{psi_0:+.2f}{thin}": (psi_0, width) for thin, width in [("", 3.0), ("-thin", 1.5)] for psi_0 in np.linspace(-0.55, 0.55, 11)}
+
+
+def interface(width):
+    """Settings of an interface of another width [Δ] at the same We = 0.1; a thin one takes longer to come to rest."""
+    tension = np.sqrt(8) / 3 * width / 0.1
+    profile = f"tanh((y - {MIDDLE}) / {np.sqrt(2) * width})"
+    return {"phase.interface_width": width, "phase.surface_tension": tension, "phase.initial": f'"{profile}"', "time.end": 12000 if width < 3 else 5000}
 
 
 def excess(psi_0, fluid):
@@ -70,16 +78,16 @@ def main():
     print(f"cos θ of L 44 here and in contact_angle.csv differ by {worst:.1e} at most")
     rows, missed = [], [f"L 44: {worst}"] if worst > 1e-3 else []
     for label in options.members:
-        psi_0 = MEMBERS[label]
+        psi_0, width = MEMBERS[label]
         cosine = theory(psi_0)
         height = MIDDLE - 0.8 * RADIUS * cosine
         chain = f"[{{ start = [64.0, {height}, 0.0], psi_0 = {psi_0} }}]"
-        folder = members.run(options, HERE / "case.toml", label, {"beads.chains": chain})
+        folder = members.run(options, HERE / "case.toml", label, interface(width) | {"beads.chains": chain})
         if not members.ended(folder):
             missed.append(f"{label}: not at its end")
             continue
         phase = members.series(folder, "phase")
-        row = {"psi_0": psi_0, "theta_L44": np.degrees(np.arccos(cosine))} | measured(folder)
+        row = {"width": width, "psi_0": psi_0, "theta_L44": np.degrees(np.arccos(cosine))} | measured(folder)
         row["error"] = row["theta"] - row["theta_L44"]
         row["amount_drift"] = np.abs(phase.order_parameter - phase.order_parameter.iloc[0]).max() / 128**2
         row["wall_seconds"] = members.summary(folder)["wall_seconds"]
@@ -100,7 +108,9 @@ def figure(found, path):
     line = np.linspace(-0.6, 0.6, 25)
     plot, axis = plt.subplots(figsize=(6, 4.4))
     axis.plot(line, np.degrees(np.arccos([theory(p) for p in line])), "k-", label="L 44")
-    axis.plot(found.psi_0, found.theta, "o", label="fibreflow")
+    for width, marker in [(3.0, "o"), (1.5, "x")]:
+        rows = found[found.width == width]
+        axis.plot(rows.psi_0, rows.theta, marker, label=f"fibreflow, ξ = {width:g}Δ")
     axis.set_xlabel("ψ_0")
     axis.set_ylabel("contact angle [°]")
     axis.legend()

@@ -1,6 +1,6 @@
 """A drop wrapped by fibres of several stiffnesses (E5): .venv/bin/python cases/droplet-wrapping/validate.py
 
-Members go on from their last checkpoint. Writes wrapping.csv and wrapping.png; its pictures show the last state of each member.
+Members go on from their last checkpoint; those called `half` are on 128 × 100 cells of 2Δ, at a sixth of the cost. Writes wrapping.csv and wrapping.png; its pictures show the last state of each member.
 """
 
 import pathlib
@@ -20,7 +20,8 @@ import matplotlib.pyplot as plt
 HERE = pathlib.Path(__file__).resolve().parent
 RADIUS, WEBER, BEADS = 6.0, 0.1, 18
 STIFFNESSES = (10, 20, 40, 100, 200, 400, 700, 1000)
-MEMBERS = {f"Ec{ec}_{psi_0:+.1f}": (ec, psi_0) for psi_0 in (0.0, -0.2, 0.2) for ec in STIFFNESSES}
+MEMBERS = {f"Ec{ec}_{psi_0:+.1f}": (ec, psi_0, {}) for psi_0 in (0.0, -0.2, 0.2) for ec in STIFFNESSES}
+MEMBERS |= {f"{name}_half": (ec, psi_0, {"mesh.cells": "[128, 100, 1]"}) for name, (ec, psi_0, _) in MEMBERS.items()}
 
 
 def beads(row):
@@ -40,8 +41,9 @@ def last_state(folder):
 
 def drop(fluid):
     """Radius of the drop (L 45): π R² = ∫_{ψ > 0.5} ψ."""
-    psi = fluid["order_parameter"][np.abs(fluid.points[:, 2]) < 1e-9]
-    return np.sqrt(psi[psi > 0.5].sum() / np.pi)
+    plane = np.abs(fluid.points[:, 2]) < 1e-9
+    psi, x = fluid["order_parameter"][plane], np.unique(fluid.points[plane, 0])
+    return (x[1] - x[0]) * np.sqrt(psi[psi > 0.5].sum() / np.pi)
 
 
 def wrapped(fluid, centres):
@@ -101,10 +103,10 @@ def main():
     options = members.options(__doc__, "droplet-wrapping", MEMBERS, ["Ec40_+0.0"])
     rows, folders, missed = {}, {}, []
     for label in options.members:
-        ec, psi_0 = MEMBERS[label]
+        ec, psi_0, mesh = MEMBERS[label]
         modulus = 2 * ec / (np.pi * RADIUS * WEBER)
         chain = f"[{{ start = [26.0, 60.0, 0.0], count = {BEADS}, psi_0 = {psi_0}, youngs_modulus = {modulus} }}]"
-        folder = members.run(options, HERE / "case.toml", label, {"beads.chains": chain})
+        folder = members.run(options, HERE / "case.toml", label, mesh | {"beads.chains": chain})
         if not list((folder / "fluid").glob("*.pvtu")) or not members.summary(folder):
             missed.append(f"{label}: not run")
             continue
