@@ -2,9 +2,9 @@
 
 use crate::gaussian::Gaussian;
 use crate::locate::Locator;
-use crate::rendezvous::Rendezvous;
+use crate::rendezvous::{Motion, Rendezvous};
 use crate::{CouplingError, Kernel};
-use fibreflow_fibre::Ambient;
+use fibreflow_fibre::{Ambient, Points};
 use fibreflow_mesh::{DualGeometry, LocalMesh};
 use fibreflow_parallel::Communicator;
 use nalgebra::Vector3;
@@ -116,6 +116,42 @@ impl Coupling {
         self.sample_fields(&Fields { velocity, change }, points, ambient)
     }
 
+    /// What `points` in the middle of a step of `dt` \[s\] meet of a flow that changes by `slope` \[m/s²\], as
+    /// [`Ambient::met`] says, into [`Ambient::velocity`] at its end and [`Ambient::change`]; into [`Ambient::travel`] where
+    /// `travels`. Collective.
+    ///
+    /// # Errors
+    /// As [`Coupling::sample`].
+    pub fn sample_met(
+        &mut self,
+        velocity: &[[f64; 4]],
+        slope: Option<&[[f64; 4]]>,
+        points: &Points,
+        dt: f64,
+        travels: bool,
+        ambient: &mut Ambient,
+    ) -> Result<(), CouplingError> {
+        let fields = Fields {
+            velocity,
+            change: slope,
+        };
+        check_length("velocity", velocity.len(), self.mesh.total())?;
+        check_length("slope", slope.unwrap_or(velocity).len(), self.mesh.total())?;
+        let (positions, speeds) = (&points.position, &points.velocity);
+        check_length("points.velocity", speeds.len(), positions.len())?;
+        if self.gaussian.is_none() {
+            let motion = Some(Motion {
+                speeds,
+                dt,
+                travels,
+            });
+            return self.sample_elements(&fields, positions, motion, ambient);
+        }
+        self.sample_fields(&fields, positions, ambient)?;
+        ambient.meet(speeds, dt);
+        Ok(())
+    }
+
     fn sample_fields(
         &mut self,
         fields: &Fields<'_>,
@@ -124,7 +160,7 @@ impl Coupling {
     ) -> Result<(), CouplingError> {
         check_length("velocity", fields.velocity.len(), self.mesh.total())?;
         match self.gaussian.take() {
-            None => self.sample_elements(fields, points, ambient),
+            None => self.sample_elements(fields, points, None, ambient),
             Some(mut gaussian) => {
                 let sampled = self.sample_gaussian(&mut gaussian, fields, points, ambient);
                 self.gaussian = Some(gaussian);
@@ -142,8 +178,10 @@ impl Coupling {
     /// Points of this rank that the last sample found outside the domain.
     pub fn outside(&self) -> usize {
         let limit = 1e-6 * self.locator.scale();
-        let places = self.rendezvous.placements.iter();
-        places.filter(|p| p.distance > limit).count()
+        let points = 0..self.rendezvous.placements.len();
+        points
+            .filter(|&k| self.rendezvous.distance(k) > limit)
+            .count()
     }
 
     /// Typical size of an element \[m\].

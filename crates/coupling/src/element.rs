@@ -4,18 +4,21 @@ use crate::Coupling;
 use crate::CouplingError;
 use crate::coupling::Fields;
 use crate::lattice::Shift;
-use crate::locate::{Location, Locator};
-use crate::rendezvous::{Answers, Flow, Host};
+use crate::locate::{Bent, Location, Locator};
+use crate::rendezvous::{Flow, Host, Kept, Motion, Rendezvous};
 use crate::spread::Sums;
 use bytemuck::{Pod, Zeroable};
 use fibreflow_fibre::{Ambient, Reaction};
-use fibreflow_mesh::jet::{self, Lanes};
-use fibreflow_mesh::{ElementKind, LocalMesh};
+use fibreflow_mesh::LocalMesh;
+use fibreflow_mesh::jet::{Lanes, Moments, Polynomial};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-/// Loads that threads turn into nodal forces at a time, before these are added in order.
-const BLOCK: usize = 1024;
+/// Loads among which those in the same element are summed before they go to its nodes.
+const BLOCK: usize = 64;
+
+/// Blocks that threads take at a time, before their nodal forces are added in order.
+const BLOCKS: usize = 64;
 
 /// Terms of a part of a long sum.
 const PART: usize = 256;
@@ -31,65 +34,62 @@ struct Load {
     element: u32,
 }
 
+/// The flow in the element that was asked last.
+#[derive(Default)]
+pub(crate) struct Cell {
+    element: Option<usize>,
+    velocity: Polynomial,
+    change: Polynomial,
+}
+
 impl Coupling {
-    /// u = Σ N_i u_i, ∂u_a/∂x_b = Σ u_i,a ∂N_i/∂x_b in the element around each point.
+    /// u = Σ N_i u_i, ∂u_a/∂x_b = Σ u_i,a ∂N_i/∂x_b in the element around each point; what points in `motion` meet.
     pub(crate) fn sample_elements(
         &mut self,
         fields: &Fields<'_>,
         points: &[Vector3<f64>],
+        motion: Option<Motion<'_>>,
         ambient: &mut Ambient,
     ) -> Result<(), CouplingError> {
-        let (mesh, locator) = (&*self.mesh, &self.locator);
+        let locator = &self.locator;
         let host = Host {
-            mesh,
+            mesh: &self.mesh,
             locator,
-            flow: |location: &Location| flow(mesh, locator, fields, location),
+            flow: |location: &Location, kept: &mut Kept| flow(locator, fields, location, kept),
         };
-        let answers = Answers::within(ambient, points.len());
-        self.rendezvous.place(points, &host, answers)?;
-        if fields.change.is_none() {
+        self.rendezvous.place(points, motion, &host, ambient)?;
+        if fields.change.is_none() && motion.is_none() {
             ambient.change.clear();
         }
         Ok(())
     }
 
-    /// f_i = N_i F + ½ T × ∇N_i at the nodes of the element where each point was sampled, into `nodal`.
+    /// f_i = N_i F + ½ T × ∇N_i at the nodes of the element where each point was sampled, into `nodal`; what was given
+    /// into `sums`.
     pub(crate) fn spread_elements(&mut self, reaction: &Reaction, sums: &mut Sums) {
         let communicator = self.mesh.halo.communicator();
         let own = communicator.rank() as u32;
-        let places = &self.rendezvous.placements;
-        let load = |k: usize| Load {
-            force: reaction.force[k].into(),
-            torque: reaction.torque[k].into(),
-            reference: places[k].reference,
-            shift: places[k].shift,
-            element: places[k].element,
+        let given = Given {
+            rendezvous: &self.rendezvous,
+            reaction,
+            own,
+            scale: self.locator.scale(),
         };
-        let loads = reaction.force.iter().zip(&reaction.torque);
-        let moments = places.iter().zip(loads);
-        let given =
-            by_parts(moments.map(|(place, (force, torque))| place.held.cross(force) + torque));
         let mut target = Target {
             mesh: &self.mesh,
             locator: &self.locator,
             nodal: &mut self.nodal,
             beyond: Vector3::zeros(),
         };
-        if communicator.size() == 1 {
-            target.take(places.len(), load);
-        } else {
+        target.take(reaction.force.len(), &given, sums);
+        if communicator.size() > 1 {
             let mut outgoing = vec![Vec::new(); communicator.size()];
-            let mut mine = Vec::with_capacity(places.len());
-            for (k, place) in places.iter().enumerate() {
-                if place.rank == own {
-                    mine.push(k);
-                } else {
-                    outgoing[place.rank as usize].push(load(k));
-                }
+            let places = self.rendezvous.placements.iter().enumerate();
+            for (k, place) in places.filter(|(_, place)| place.rank != own) {
+                outgoing[place.rank as usize].push(given.load(k));
             }
-            target.take(mine.len(), |k| load(mine[k]));
             for loads in communicator.exchange(outgoing) {
-                target.take(loads.len(), |k| loads[k]);
+                target.take(loads.len(), &loads, sums);
             }
         }
         let beyond = target.beyond;
@@ -99,7 +99,7 @@ impl Coupling {
         };
         let torque = beyond + by_parts(nodes.map(moment));
         sums.torque += torque;
-        sums.torque_defect += torque - given;
+        sums.torque_defect += torque - sums.torque_given;
         self.mesh.halo.accumulate(&mut self.nodal);
     }
 }
@@ -115,58 +115,125 @@ fn by_parts(mut terms: impl ExactSizeIterator<Item = Vector3<f64>>) -> Vector3<f
 
 /// The flow at a place of an element.
 #[inline(always)]
-fn flow(mesh: &LocalMesh, locator: &Locator, fields: &Fields<'_>, location: &Location) -> Flow {
-    let element = location.element as usize;
-    let rows = locator.inverse_jacobian(element, location.reference);
-    let nodes = mesh.elements.nodes(element);
-    match locator.kind(element) {
-        ElementKind::Tetrahedron => {
-            let kind = ElementKind::Tetrahedron;
-            flow_of(kind, vertices::<4>(nodes), rows, fields, location)
-        }
-        ElementKind::Hexahedron => {
-            let kind = ElementKind::Hexahedron;
-            flow_of(kind, vertices::<8>(nodes), rows, fields, location)
-        }
-        kind => flow_of(kind, nodes, rows, fields, location),
+fn flow(locator: &Locator, fields: &Fields<'_>, location: &Location, kept: &mut Kept) -> Flow {
+    let (element, r) = (location.element as usize, location.reference);
+    let Kept { bent, cell } = kept;
+    if cell.element != Some(element) {
+        cell.take(locator, fields, element);
     }
-}
-
-/// The nodes of an element whose number is known to the compiler.
-#[inline(always)]
-fn vertices<const N: usize>(nodes: &[u32]) -> &[u32; N] {
-    nodes.first_chunk().expect("as many nodes as the kind has")
-}
-
-#[inline(always)]
-fn flow_of<N: AsRef<[u32]> + ?Sized>(
-    kind: ElementKind,
-    nodes: &N,
-    rows: [[f64; 3]; 3],
-    fields: &Fields<'_>,
-    location: &Location,
-) -> Flow {
-    let three = |x: Lanes| [x[0], x[1], x[2]];
-    let nodes = nodes.as_ref();
-    let jet = jet::jet(
-        kind,
-        |v| fields.velocity[nodes[v] as usize],
-        location.reference,
-    );
+    let rows = locator.inverse_jacobian(element, r, bent);
+    let jet = cell.velocity.jet(r);
     let column = |c: usize| -> Lanes {
         std::array::from_fn(|l| {
             let [a, b, c] = [0, 1, 2].map(|k| (rows[k][c], jet.along[k][l]));
             c.0.mul_add(c.1, b.0.mul_add(b.1, a.0 * a.1))
         })
     };
-    let change = fields.change.map_or([0.0; 4], |change| {
-        jet::value(kind, |v| change[nodes[v] as usize], location.reference)
-    });
+    let change = if fields.change.is_some() {
+        cell.change.value(r)
+    } else {
+        [0.0; 4]
+    };
     Flow {
-        velocity: three(jet.value),
-        gradient: [0, 1, 2].map(|c| three(column(c))),
-        change: three(change),
+        velocity: jet.value,
+        gradient: [column(0), column(1), column(2)],
+        change,
     }
+}
+
+impl Cell {
+    #[inline(always)]
+    fn take(&mut self, locator: &Locator, fields: &Fields<'_>, element: usize) {
+        self.element = Some(element);
+        let (kind, nodes) = (locator.kind(element), locator.nodes(element));
+        self.velocity = Polynomial::new(kind, |v| fields.velocity[nodes[v] as usize]);
+        if let Some(change) = fields.change {
+            self.change = Polynomial::new(kind, |v| change[nodes[v] as usize]);
+        }
+    }
+}
+
+/// Loads by number.
+trait Loads: Sync {
+    fn load(&self, k: usize) -> Load;
+
+    /// Element of a load.
+    fn element(&self, k: usize) -> u32;
+
+    /// True for a load that this rank takes itself.
+    fn here(&self, k: usize) -> bool;
+
+    /// Adds what it is to the sums over the points of this rank.
+    fn book(&self, k: usize, sums: &mut Sums);
+}
+
+/// What the points of this rank give.
+struct Given<'a> {
+    rendezvous: &'a Rendezvous,
+    reaction: &'a Reaction,
+    own: u32,
+    /// Size of an element \[m\].
+    scale: f64,
+}
+
+impl Loads for Given<'_> {
+    #[inline(always)]
+    fn load(&self, k: usize) -> Load {
+        let place = &self.rendezvous.placements[k];
+        Load {
+            force: self.reaction.force[k].into(),
+            torque: self.reaction.torque[k].into(),
+            reference: place.reference,
+            shift: place.shift,
+            element: place.element,
+        }
+    }
+
+    #[inline(always)]
+    fn element(&self, k: usize) -> u32 {
+        self.rendezvous.placements[k].element
+    }
+
+    #[inline(always)]
+    fn here(&self, k: usize) -> bool {
+        self.rendezvous.placements[k].rank == self.own
+    }
+
+    #[inline(always)]
+    fn book(&self, k: usize, sums: &mut Sums) {
+        let (force, torque) = (&self.reaction.force[k], &self.reaction.torque[k]);
+        sums.give(force, torque, self.scale);
+        sums.torque_given += self.rendezvous.held[k].cross(force) + torque;
+    }
+}
+
+/// What points of another rank give.
+impl Loads for Vec<Load> {
+    #[inline(always)]
+    fn load(&self, k: usize) -> Load {
+        self[k]
+    }
+
+    #[inline(always)]
+    fn element(&self, k: usize) -> u32 {
+        self[k].element
+    }
+
+    #[inline(always)]
+    fn here(&self, _: usize) -> bool {
+        true
+    }
+
+    #[inline(always)]
+    fn book(&self, _: usize, _: &mut Sums) {}
+}
+
+/// Loads in one element, one after the other.
+#[derive(Clone, Copy)]
+struct Run {
+    element: usize,
+    shift: Shift,
+    moments: Moments,
 }
 
 /// Nodes that take loads.
@@ -180,62 +247,102 @@ struct Target<'a> {
 
 impl Target<'_> {
     /// Adds loads in their order, whatever the number of threads.
-    fn take(&mut self, count: usize, load: impl Fn(usize) -> Load + Sync) {
+    fn take(&mut self, count: usize, loads: &impl Loads, sums: &mut Sums) {
+        let locator = self.locator;
+        let block = |b: usize| b * BLOCK..count.min((b + 1) * BLOCK);
+        let blocks = count.div_ceil(BLOCK);
         if rayon::current_num_threads() == 1 {
-            for k in 0..count {
-                let load = load(k);
-                self.add(&load, &pushes(self.locator, &load));
+            for b in 0..blocks {
+                sums.add(&gather(locator, block(b), loads, |run| self.add(run)));
             }
             return;
         }
-        let mut block = Vec::with_capacity(BLOCK.min(count));
-        for start in (0..count).step_by(BLOCK) {
-            (start..count.min(start + BLOCK))
+        let mut gathered: Vec<(Sums, Vec<Run>)> = Vec::with_capacity(BLOCKS.min(blocks));
+        for first in (0..blocks).step_by(BLOCKS) {
+            (first..blocks.min(first + BLOCKS))
                 .into_par_iter()
-                .with_min_len(64)
-                .map(|k| {
-                    let load = load(k);
-                    (load, pushes(self.locator, &load))
+                .map(|b| {
+                    let mut runs = Vec::with_capacity(BLOCK);
+                    let sums = gather(locator, block(b), loads, |run| runs.push(*run));
+                    (sums, runs)
                 })
-                .collect_into_vec(&mut block);
-            for (load, pushes) in &block {
-                self.add(load, pushes);
+                .collect_into_vec(&mut gathered);
+            for (of_block, runs) in gathered.drain(..) {
+                sums.add(&of_block);
+                runs.iter().for_each(|run| self.add(run));
             }
         }
     }
 
     #[inline(always)]
-    fn add(&mut self, load: &Load, pushes: &[Lanes; 8]) {
-        let element = load.element as usize;
-        let nodes = self.mesh.elements.nodes(element);
-        for (&node, push) in nodes.iter().zip(pushes) {
+    fn add(&mut self, run: &Run) {
+        let pushes = run.moments.vertices();
+        let vertices = self.locator.kind(run.element).vertices();
+        let nodes = &self.locator.nodes(run.element)[..vertices];
+        for (&node, push) in nodes.iter().zip(&pushes) {
             let target = &mut self.nodal[node as usize];
             (0..4).for_each(|l| target[l] += push[l]);
         }
-        if load.shift != [0; 3] || self.locator.wraps(element) {
-            self.add_beyond(load, pushes);
+        if run.shift != [0; 3] || self.locator.wraps(run.element) {
+            self.add_beyond(run, &pushes);
         }
     }
 
-    fn add_beyond(&mut self, load: &Load, pushes: &[Lanes; 8]) {
-        let element = load.element as usize;
-        let images = self.mesh.elements.images(element);
-        let back = load.shift.map(|s| -s);
+    fn add_beyond(&mut self, run: &Run, pushes: &[Lanes; 8]) {
         let lattice = self.locator.lattice();
-        for (image, push) in images.iter().zip(pushes) {
-            let steps = image.shifts();
-            let shift = std::array::from_fn(|k| i32::from(steps[k]) + back[k]);
-            let away = lattice.image(&Vector3::zeros(), shift);
-            self.beyond += away.cross(&Vector3::new(push[0], push[1], push[2]));
+        let vector = |push: &Lanes| Vector3::new(push[0], push[1], push[2]);
+        let away = |shift: Shift| lattice.image(&Vector3::zeros(), shift);
+        let force = pushes.iter().map(vector).sum::<Vector3<f64>>();
+        self.beyond += away(run.shift.map(|s| -s)).cross(&force);
+        if self.locator.wraps(run.element) {
+            let images = self.mesh.elements.images(run.element).iter();
+            for (image, push) in images.zip(pushes) {
+                self.beyond += away(image.shifts().map(i32::from)).cross(&vector(push));
+            }
         }
     }
 }
 
-/// N_i F + ½ T × ∇N_i at the vertices of the element.
+/// Sums loads in the same element: N_i F + ½ T × ∇N_i at its vertices.
 #[inline(always)]
-fn pushes(locator: &Locator, load: &Load) -> [Lanes; 8] {
-    let element = load.element as usize;
-    let rows = locator.inverse_jacobian(element, load.reference);
+fn gather(
+    locator: &Locator,
+    range: std::ops::Range<usize>,
+    loads: &impl Loads,
+    mut done: impl FnMut(&Run),
+) -> Sums {
+    let (mut sums, mut bent) = (Sums::default(), Bent::default());
+    locator.fetch(range.clone().map(|k| loads.element(k)));
+    let mut run: Option<Run> = None;
+    for k in range {
+        loads.book(k, &mut sums);
+        if !loads.here(k) {
+            continue;
+        }
+        let load = loads.load(k);
+        let element = load.element as usize;
+        let goes_on = |run: &Run| run.element == element && run.shift == load.shift;
+        if !run.as_ref().is_some_and(goes_on) {
+            run.iter().for_each(&mut done);
+            run = Some(Run {
+                element,
+                shift: load.shift,
+                moments: Moments::new(locator.kind(element)),
+            });
+        }
+        if let Some(run) = &mut run {
+            let rows = locator.inverse_jacobian(element, load.reference, &mut bent);
+            let (force, along) = by_reference(&load, rows);
+            run.moments.add(force, along, load.reference);
+        }
+    }
+    run.iter().for_each(done);
+    sums
+}
+
+/// F and ½ T × ∇r_k.
+#[inline(always)]
+fn by_reference(load: &Load, rows: [[f64; 3]; 3]) -> (Lanes, [Lanes; 3]) {
     let ([fx, fy, fz], [tx, ty, tz]) = (load.force, load.torque.map(|t| 0.5 * t));
     // ½ T × e_c
     let turned = [
@@ -243,16 +350,14 @@ fn pushes(locator: &Locator, load: &Load) -> [Lanes; 8] {
         [-tz, 0.0, tx, 0.0],
         [ty, -tx, 0.0, 0.0],
     ];
-    let along = rows.map(|row| -> Lanes {
+    let along = |row: [f64; 3]| -> Lanes {
         std::array::from_fn(|l| {
             let [a, b, c] = [0, 1, 2].map(|c| (row[c], turned[c][l]));
             c.0.mul_add(c.1, b.0.mul_add(b.1, a.0 * a.1))
         })
-    });
-    let push = |kind| jet::transpose(kind, [fx, fy, fz, 0.0], along, load.reference);
-    match locator.kind(element) {
-        ElementKind::Tetrahedron => push(ElementKind::Tetrahedron),
-        ElementKind::Hexahedron => push(ElementKind::Hexahedron),
-        kind => push(kind),
-    }
+    };
+    (
+        [fx, fy, fz, 0.0],
+        [along(rows[0]), along(rows[1]), along(rows[2])],
+    )
 }

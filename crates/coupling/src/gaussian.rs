@@ -16,7 +16,7 @@ use crate::boxes::{Bins, Bounds};
 use crate::coupling::Fields;
 use crate::lattice::Lattice;
 use crate::locate::Location;
-use crate::rendezvous::{Answers, Flow, Host};
+use crate::rendezvous::{Flow, Host, Kept};
 use crate::spread::Sums;
 use crate::{Coupling, CouplingError, Kernel};
 use bytemuck::{Pod, Zeroable};
@@ -288,20 +288,18 @@ impl Coupling {
         points: &[Vector3<f64>],
         ambient: &mut Ambient,
     ) -> Result<(), CouplingError> {
-        let nowhere = Flow::zeroed();
+        let nowhere = Flow::default();
         let host = Host {
             mesh: &self.mesh,
             locator: &self.locator,
-            flow: |_: &Location| nowhere,
+            flow: |_: &Location, _: &mut Kept| nowhere,
         };
-        let answers = Answers::within(ambient, points.len());
-        self.rendezvous.place(points, &host, answers)?;
+        self.rendezvous.place(points, None, &host, ambient)?;
         gaussian.sites.clear();
         let lattice = &gaussian.lattice;
         gaussian
             .sites
-            .extend(self.rendezvous.placements.iter().map(|place| {
-                let held = place.held;
+            .extend(self.rendezvous.held.iter().map(|&held| {
                 let wrapped = lattice.image(&held, lattice.wrap(&held));
                 Site {
                     wrapped,

@@ -8,7 +8,8 @@ use crate::adjacency::{Adjacency, stepped};
 use crate::boxes::{Bins, Bounds};
 use crate::closest;
 use crate::lattice::{Lattice, Shift};
-use fibreflow_mesh::{Affine, ElementKind, Image, LocalMesh, shape};
+use fibreflow_mesh::shape::{self, Map};
+use fibreflow_mesh::{Affine, ElementKind, Image, LocalMesh};
 use nalgebra::Vector3;
 use std::sync::Arc;
 
@@ -18,6 +19,12 @@ const INSIDE: f64 = 1e-9;
 const LONGEST_WALK: usize = 16;
 /// Elements around a vertex that are considered.
 const MOST_AROUND: usize = 128;
+/// Reference coordinates by the tangent at its centre, beyond which a bent element is not asked whether it still holds
+/// the next point.
+const NEAR: f64 = 0.5;
+
+/// An element and the shift of a point there.
+pub(crate) type Hint = (u32, Shift);
 
 /// Where a point is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,6 +61,29 @@ impl Location {
     }
 }
 
+/// The map of an element without a linear one that was asked last, as most often it is asked again.
+#[derive(Default)]
+pub(crate) struct Bent(Option<(usize, Map)>);
+
+impl Bent {
+    #[inline(always)]
+    fn of(&mut self, locator: &Locator, element: usize) -> &Map {
+        if self.0.as_ref().is_none_or(|kept| kept.0 != element) {
+            self.0 = None;
+        }
+        let map = || Map::new(locator.kind(element), &locator.coordinates(element));
+        &self.0.get_or_insert_with(|| (element, map())).1
+    }
+}
+
+/// What a point needs of its element, in two cache lines.
+#[repr(align(64))]
+struct Cell {
+    /// The map, or its tangent.
+    map: Affine,
+    nodes: [u32; 8],
+}
+
 /// Finds elements on one rank.
 pub(crate) struct Locator {
     mesh: Arc<LocalMesh>,
@@ -68,8 +98,7 @@ pub(crate) struct Locator {
     owned_bounds: Bounds,
     /// Typical size of an element \[m\].
     scale: f64,
-    /// Maps of the local elements, or their tangents.
-    maps: Vec<Affine>,
+    cells: Vec<Cell>,
     traits: Vec<Traits>,
 }
 
@@ -77,7 +106,7 @@ pub(crate) struct Locator {
 #[derive(Clone, Copy)]
 struct Traits {
     kind: ElementKind,
-    /// Its map is the linear one in `maps`.
+    /// Its map is the linear one of its cell.
     linear: bool,
     /// A vertex is another image of its node.
     wraps: bool,
@@ -99,12 +128,17 @@ impl Locator {
         let mut lowest = Vector3::repeat(f64::INFINITY);
         let mut surface = Vec::new();
         let mut surface_boxes = Vec::new();
-        let mut maps = Vec::with_capacity(mesh.elements.len());
+        let mut cells = Vec::with_capacity(mesh.elements.len());
         let mut traits = Vec::with_capacity(mesh.elements.len());
         for e in 0..mesh.elements.len() {
             let (x, kind) = vertices(e);
             let linear = Affine::of(kind, &x);
-            maps.push(linear.unwrap_or_else(|| Affine::tangent(kind, &x)));
+            let mut nodes = [0; 8];
+            nodes[..kind.vertices()].copy_from_slice(mesh.elements.nodes(e));
+            cells.push(Cell {
+                map: linear.unwrap_or_else(|| Affine::tangent(kind, &x)),
+                nodes,
+            });
             traits.push(Traits {
                 kind,
                 linear: linear.is_some(),
@@ -140,7 +174,7 @@ impl Locator {
             bounds: bounds.inflated(1e-6 * scale),
             owned_bounds,
             scale,
-            maps,
+            cells,
             traits,
             mesh,
         }
@@ -162,20 +196,76 @@ impl Locator {
 
     /// The owned element that contains the point or, failing that, the nearest one. None without owned elements.
     #[inline]
-    pub fn find(&self, point: &Vector3<f64>, hint: Option<(u32, Shift)>) -> Option<Location> {
-        let walked = hint.and_then(|(element, shift)| self.walk(point, element as usize, shift));
+    pub fn find(
+        &self,
+        point: &Vector3<f64>,
+        hint: Option<Hint>,
+        bent: &mut Bent,
+    ) -> Option<Location> {
+        let walked = hint.and_then(|(e, shift)| self.walk(point, e as usize, shift, bent));
         match walked {
             Some(start) if self.is_alone(&start) => Some(Location::of(&start, true)),
-            _ => self.find_slowly(point, walked),
+            _ => self.find_slowly(point, walked, bent),
         }
     }
 
+    /// As [`Locator::find`] where the point is in the element of the hint, and in no other; None if not.
+    #[inline(always)]
+    pub fn still(
+        &self,
+        point: &Vector3<f64>,
+        (element, shift): Hint,
+        bent: &mut Bent,
+    ) -> Option<Location> {
+        let element = element as usize;
+        let Traits {
+            kind,
+            linear,
+            owned,
+            ..
+        } = *self.traits.get(element)?;
+        let x = self.lattice.image(point, shift).into();
+        let mut reference = self.cells[element].map.locate(x);
+        if !linear {
+            if !shape::inside(kind, reference, NEAR) {
+                return None;
+            }
+            reference = bent.of(self, element).locate_from(x, reference)?;
+        }
+        let found = Candidate {
+            element,
+            shift,
+            reference,
+        };
+        (owned && shape::inside(kind, reference, -INSIDE)).then(|| Location::of(&found, true))
+    }
+
     #[cold]
-    fn find_slowly(&self, point: &Vector3<f64>, walked: Option<Candidate>) -> Option<Location> {
+    fn find_slowly(
+        &self,
+        point: &Vector3<f64>,
+        walked: Option<Candidate>,
+        bent: &mut Bent,
+    ) -> Option<Location> {
         walked
-            .or_else(|| self.search(point))
-            .and_then(|start| self.canonical(point, start))
+            .or_else(|| self.search(point, bent))
+            .and_then(|start| self.canonical(point, start, bent))
             .or_else(|| self.nearest(point))
+    }
+
+    /// Brings what is kept of elements into the cache: one after the other points would wait for each.
+    #[inline(always)]
+    pub fn fetch(&self, elements: impl Iterator<Item = u32>) {
+        let cells = elements.filter_map(|e| self.cells.get(e as usize));
+        std::hint::black_box(cells.fold(0, |sum, cell| {
+            sum ^ cell.nodes[7] as u64 ^ cell.map.locate([0.0; 3])[0].to_bits()
+        }));
+    }
+
+    /// Nodes of a local element; zeros where the kind has fewer than eight.
+    #[inline(always)]
+    pub fn nodes(&self, element: usize) -> &[u32; 8] {
+        &self.cells[element].nodes
     }
 
     /// Vertex coordinates of a local element.
@@ -199,12 +289,16 @@ impl Locator {
 
     /// Gradients \[1/m\] of the three reference coordinates at a reference point of a local element.
     #[inline(always)]
-    pub fn inverse_jacobian(&self, element: usize, reference: [f64; 3]) -> [[f64; 3]; 3] {
-        let Traits { kind, linear, .. } = self.traits[element];
-        if linear {
-            self.maps[element].inverse_jacobian()
+    pub fn inverse_jacobian(
+        &self,
+        element: usize,
+        reference: [f64; 3],
+        bent: &mut Bent,
+    ) -> [[f64; 3]; 3] {
+        if self.traits[element].linear {
+            self.cells[element].map.inverse_jacobian()
         } else {
-            shape::inverse_jacobian(kind, &self.coordinates(element), reference)
+            bent.of(self, element).inverse_jacobian(reference)
         }
     }
 
@@ -223,20 +317,31 @@ impl Locator {
 
     /// Reference coordinates of a point, which may be outside, in an element; None where that has no answer.
     #[inline(always)]
-    fn reference(&self, point: &Vector3<f64>, element: usize, shift: Shift) -> Option<[f64; 3]> {
+    fn reference(
+        &self,
+        point: &Vector3<f64>,
+        element: usize,
+        shift: Shift,
+        bent: &mut Bent,
+    ) -> Option<[f64; 3]> {
         let x = self.lattice.image(point, shift).into();
-        let guess = self.maps[element].locate(x);
-        let Traits { kind, linear, .. } = self.traits[element];
-        if linear {
+        let guess = self.cells[element].map.locate(x);
+        if self.traits[element].linear {
             Some(guess)
         } else {
-            shape::locate_from(kind, &self.coordinates(element), x, guess)
+            bent.of(self, element).locate_from(x, guess)
         }
     }
 
     #[inline(always)]
-    fn contained(&self, point: &Vector3<f64>, element: usize, shift: Shift) -> Option<Candidate> {
-        let reference = self.reference(point, element, shift)?;
+    fn contained(
+        &self,
+        point: &Vector3<f64>,
+        element: usize,
+        shift: Shift,
+        bent: &mut Bent,
+    ) -> Option<Candidate> {
+        let reference = self.reference(point, element, shift, bent)?;
         shape::inside(self.kind(element), reference, INSIDE).then_some(Candidate {
             element,
             shift,
@@ -246,13 +351,19 @@ impl Locator {
 
     /// From element to element through the face that the point lies farthest behind.
     #[inline(always)]
-    fn walk(&self, point: &Vector3<f64>, element: usize, shift: Shift) -> Option<Candidate> {
+    fn walk(
+        &self,
+        point: &Vector3<f64>,
+        element: usize,
+        shift: Shift,
+        bent: &mut Bent,
+    ) -> Option<Candidate> {
         if element >= self.traits.len() {
             return None;
         }
         let (mut element, mut shift) = (element, shift);
         for _ in 0..LONGEST_WALK {
-            let reference = self.reference(point, element, shift)?;
+            let reference = self.reference(point, element, shift, bent)?;
             let kind = self.kind(element);
             if shape::inside(kind, reference, INSIDE) {
                 return Some(Candidate {
@@ -275,7 +386,7 @@ impl Locator {
     }
 
     /// Any local element that contains the point, by bins.
-    fn search(&self, point: &Vector3<f64>) -> Option<Candidate> {
+    fn search(&self, point: &Vector3<f64>, bent: &mut Bent) -> Option<Candidate> {
         self.lattice.images(point).find_map(|shift| {
             let x = self.lattice.image(point, shift);
             if !self.bounds.contains(&x) {
@@ -283,18 +394,23 @@ impl Locator {
             }
             let listed = self.bins.at(&x).iter();
             listed
-                .filter_map(|&e| self.contained(point, e as usize, shift))
+                .filter_map(|&e| self.contained(point, e as usize, shift, bent))
                 .next()
         })
     }
 
     /// Among all elements that contain the point, the owned one with the smallest index in the whole mesh.
-    fn canonical(&self, point: &Vector3<f64>, start: Candidate) -> Option<Location> {
+    fn canonical(
+        &self,
+        point: &Vector3<f64>,
+        start: Candidate,
+        bent: &mut Bent,
+    ) -> Option<Location> {
         let mesh = &self.mesh;
         if shape::inside(self.kind(start.element), start.reference, -INSIDE) {
             return mesh.owned_elements[start.element].then(|| Location::of(&start, true));
         }
-        let mut around = self.around(point, start);
+        let mut around = self.around(point, start, bent);
         around.sort_by_key(|c| (mesh.global_elements[c.element], c.shift));
         let best = around.iter().position(|c| mesh.owned_elements[c.element])?;
         let nodes = mesh.elements.nodes(around[best].element);
@@ -304,7 +420,7 @@ impl Locator {
     }
 
     /// All local elements that contain the point, joined by faces.
-    fn around(&self, point: &Vector3<f64>, start: Candidate) -> Vec<Candidate> {
+    fn around(&self, point: &Vector3<f64>, start: Candidate, bent: &mut Bent) -> Vec<Candidate> {
         let mut found = vec![start];
         let mut next = 0;
         while next < found.len() && found.len() < MOST_AROUND {
@@ -316,7 +432,7 @@ impl Locator {
                 );
                 let known = |c: &Candidate| c.element == element && c.shift == shift;
                 if !found.iter().any(known) {
-                    found.extend(self.contained(point, element, shift));
+                    found.extend(self.contained(point, element, shift, bent));
                 }
             }
             next += 1;

@@ -1,6 +1,6 @@
 //! The flow at fixed points: probes, lines, planes and coarser grids on any mesh.
 
-use crate::locate::Locator;
+use crate::locate::{Bent, Locator};
 use fibreflow_mesh::{LocalMesh, shape};
 use fibreflow_parallel::Communicator;
 use nalgebra::Vector3;
@@ -193,11 +193,12 @@ impl Probes {
         let ranks = communicator.size();
         let (layer, layers) = set.layers(ranks);
         let bounds = locator.owned_bounds().inflated(NEAR * locator.scale());
+        let mut bent = Bent::default();
         let mut candidates: Vec<Vec<[u64; 3]>> = vec![Vec::new(); ranks];
         let mut places: Vec<Vec<(u32, [f64; 3])>> = vec![Vec::new(); ranks];
         for index in set.between(bounds.low.into(), bounds.high.into()) {
             let x = Vector3::from(set.point(index));
-            let Some(location) = locator.find(&x, None) else {
+            let Some(location) = locator.find(&x, None, &mut bent) else {
                 continue;
             };
             if location.distance > NEAR * locator.scale() {

@@ -2,16 +2,18 @@
 
 use crate::CouplingError;
 use crate::boxes::Bounds;
+use crate::element::Cell;
 use crate::lattice::{Lattice, Shift};
-use crate::locate::{Location, Locator};
+use crate::locate::{Bent, Hint, Location, Locator};
 use bytemuck::{Pod, Zeroable};
 use fibreflow_fibre::Ambient;
 use fibreflow_mesh::LocalMesh;
+use fibreflow_mesh::jet::Lanes;
 use fibreflow_parallel::Communicator;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
-/// Questions that one thread answers at least.
+/// Points whose elements are fetched together; questions that one thread answers at least.
 const GRAIN: usize = 64;
 /// No element is known yet.
 const UNKNOWN: u32 = u32::MAX;
@@ -26,22 +28,44 @@ struct Query {
     element: u32,
 }
 
-/// The flow at a place.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
+/// The flow at a place, in three of four lanes.
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Flow {
-    pub velocity: [f64; 3],
+    pub velocity: Lanes,
     /// Columns ∂u/∂x_j.
-    pub gradient: [[f64; 3]; 3],
+    pub gradient: [Lanes; 3],
     /// Change of the velocity in the step.
-    pub change: [f64; 3],
+    pub change: Lanes,
+}
+
+impl Flow {
+    /// Three lanes of each.
+    fn packed(&self) -> [[f64; 3]; 5] {
+        let [x, y, z] = self.gradient;
+        [self.velocity, x, y, z, self.change].map(|[a, b, c, _]| [a, b, c])
+    }
+
+    /// The inverse of [`Flow::packed`].
+    fn unpacked(packed: [[f64; 3]; 5]) -> Self {
+        let [velocity, x, y, z, change] = packed.map(|[a, b, c]| [a, b, c, 0.0]);
+        Self {
+            velocity,
+            gradient: [x, y, z],
+            change,
+        }
+    }
+}
+
+#[inline(always)]
+fn vector([x, y, z, _]: Lanes) -> Vector3<f64> {
+    Vector3::new(x, y, z)
 }
 
 /// The answer: where the point is and the flow there.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct Reply {
-    flow: Flow,
+    flow: [[f64; 3]; 5],
     held: [f64; 3],
     reference: [f64; 3],
     /// Distance \[m\] from the element, 0 inside; infinite from a rank without elements.
@@ -54,6 +78,13 @@ struct Reply {
     certain: u64,
 }
 
+/// What is kept from point to point, as the next one is most often in the same element.
+#[derive(Default)]
+pub(crate) struct Kept {
+    pub bent: Bent,
+    pub cell: Cell,
+}
+
 /// The part of the mesh on this rank, and what `flow` says of a place in it.
 pub(crate) struct Host<'a, F> {
     pub mesh: &'a LocalMesh,
@@ -61,11 +92,11 @@ pub(crate) struct Host<'a, F> {
     pub flow: F,
 }
 
-impl<F: Fn(&Location) -> Flow + Sync> Host<'_, F> {
-    fn reply(&self, query: &Query) -> Reply {
+impl<F: Fn(&Location, &mut Kept) -> Flow + Sync> Host<'_, F> {
+    fn reply(&self, query: &Query, kept: &mut Kept) -> Reply {
         let position = query.position.into();
         let hint = (query.element != UNKNOWN).then_some((query.element, query.shift));
-        let Some(location) = self.locator.find(&position, hint) else {
+        let Some(location) = self.locator.find(&position, hint, &mut kept.bent) else {
             // Any other rank is better.
             return Reply {
                 distance: f64::INFINITY,
@@ -75,7 +106,7 @@ impl<F: Fn(&Location) -> Flow + Sync> Host<'_, F> {
             };
         };
         Reply {
-            flow: (self.flow)(&location),
+            flow: (self.flow)(&location, kept).packed(),
             held: self.locator.held(&position, &location).into(),
             reference: location.reference,
             distance: location.distance,
@@ -86,102 +117,200 @@ impl<F: Fn(&Location) -> Flow + Sync> Host<'_, F> {
         }
     }
 
-    /// As [`Host::reply`] where the host asks itself: into the places of the answer.
-    #[inline(always)]
-    fn reply_here(&self, point: &Vector3<f64>, place: &mut Placement, answer: Answer<'_>) {
-        let hint = (place.element != UNKNOWN).then_some((place.element, place.shift));
-        let Some(location) = self.locator.find(point, hint) else {
-            place.distance = f64::INFINITY;
-            place.certain = false;
-            return;
-        };
-        *place = Placement {
-            held: self.locator.held(point, &location),
-            reference: location.reference,
-            distance: location.distance,
-            shift: location.shift,
-            element: location.element,
-            rank: place.rank,
-            certain: location.certain,
-        };
-        answer.put(&(self.flow)(&location));
+    /// As [`Host::reply`] where the host `own` asks itself, into the places of the answers; a point that is not finite
+    /// instead.
+    fn reply_here(&self, part: &mut Part<'_>, own: u32) -> Option<usize> {
+        let mut kept = Kept::default();
+        let mut near: Hint = (UNKNOWN, [0; 3]);
+        for start in (0..part.points.len()).step_by(GRAIN) {
+            let block = start..part.points.len().min(start + GRAIN);
+            // Not a number as soon as one is not finite.
+            let zero: Vector3<f64> = part.points[block.clone()].iter().map(|p| 0.0 * p).sum();
+            if !zero.iter().all(|x| x.is_finite()) {
+                let bad = |&k: &usize| !part.points[k].iter().all(|x| x.is_finite());
+                return block.clone().find(bad).map(|k| part.first + k);
+            }
+            let places = &part.answers.places[block.clone()];
+            self.locator.fetch(places.iter().map(|place| place.element));
+            for k in block {
+                let place = &part.answers.places[k];
+                if place.rank != own {
+                    continue;
+                }
+                let (point, bent) = (&part.points[k], &mut kept.bent);
+                let last = (place.element != UNKNOWN).then_some((place.element, place.shift));
+                let location = (self.locator.still(point, near, bent))
+                    .or_else(|| self.locator.find(point, last, bent));
+                let Some(location) = location else {
+                    part.answers.nowhere(k);
+                    continue;
+                };
+                near = (location.element, location.shift);
+                let held = self.locator.held(point, &location);
+                part.answers.keep(k, own, &location, held);
+                part.answers.put(k, (self.flow)(&location, &mut kept));
+            }
+        }
+        None
     }
 }
 
-/// Where answers go, one entry each for every point.
-pub(crate) struct Answers<'a> {
+/// Where points are and what the flow is there, one entry each for every point.
+struct Answers<'a> {
+    places: &'a mut [Placement],
+    held: &'a mut [Vector3<f64>],
+    distances: &'a mut [f64],
     velocity: &'a mut [Vector3<f64>],
     gradient: &'a mut [Matrix3<f64>],
     change: &'a mut [Vector3<f64>],
+    travel: &'a mut [Vector3<f64>],
+    /// Velocities of the points \[m/s\], which meet the flow on their way; empty where it is asked for as it is.
+    speeds: &'a [Vector3<f64>],
+    /// Step \[s\].
+    dt: f64,
 }
 
-/// Where one answer goes.
-struct Answer<'a>(
-    &'a mut Vector3<f64>,
-    &'a mut Matrix3<f64>,
-    &'a mut Vector3<f64>,
-);
-
-impl Answer<'_> {
+impl Answers<'_> {
     #[inline(always)]
-    fn put(self, flow: &Flow) {
-        *self.0 = flow.velocity.into();
-        *self.1 = flow.gradient.into();
-        *self.2 = flow.change.into();
+    fn put(&mut self, k: usize, flow: Flow) {
+        let Flow {
+            mut velocity,
+            gradient,
+            mut change,
+        } = flow;
+        if let Some(speed) = self.speeds.get(k) {
+            let met = Ambient::met(velocity, gradient, change, speed, self.dt);
+            [velocity, change, _] = met;
+            if let Some(travel) = self.travel.get_mut(k) {
+                *travel = vector(met[2]);
+            }
+        }
+        self.velocity[k] = vector(velocity);
+        self.change[k] = vector(change);
+        let [x, y, z] = gradient;
+        self.gradient[k] = Matrix3::new(x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]);
     }
-}
 
-impl<'a> Answers<'a> {
-    /// Room for `points` answers in `ambient`.
-    pub fn within(ambient: &'a mut Ambient, points: usize) -> Self {
-        ambient.velocity.resize(points, Vector3::zeros());
-        ambient.gradient.resize(points, Matrix3::zeros());
-        ambient.change.resize(points, Vector3::zeros());
-        Self {
-            velocity: &mut ambient.velocity,
-            gradient: &mut ambient.gradient,
-            change: &mut ambient.change,
+    #[inline(always)]
+    fn keep(&mut self, k: usize, rank: u32, location: &Location, held: Vector3<f64>) {
+        let outside = location.distance != 0.0;
+        self.places[k] = Placement {
+            reference: location.reference,
+            shift: location.shift,
+            element: location.element,
+            rank,
+            certain: location.certain,
+            outside,
+        };
+        self.held[k] = held;
+        if outside {
+            self.distances[k] = location.distance;
         }
     }
 
-    fn put(&mut self, k: u32, flow: &Flow) {
-        let k = k as usize;
-        Answer(
-            &mut self.velocity[k],
-            &mut self.gradient[k],
-            &mut self.change[k],
-        )
-        .put(flow);
+    fn keep_reply(&mut self, k: usize, rank: u32, reply: &Reply) {
+        let location = Location {
+            element: reply.element,
+            shift: reply.shift,
+            reference: reply.reference,
+            distance: reply.distance,
+            certain: reply.certain == 1,
+        };
+        self.keep(k, rank, &location, reply.held.into());
+        self.put(k, Flow::unpacked(reply.flow));
+    }
+
+    /// This rank has no elements.
+    fn nowhere(&mut self, k: usize) {
+        self.distances[k] = f64::INFINITY;
+        self.places[k].outside = true;
+        self.places[k].certain = false;
+    }
+
+    fn split(self, at: usize) -> (Self, Self) {
+        let places = self.places.split_at_mut(at);
+        let held = self.held.split_at_mut(at);
+        let distances = self.distances.split_at_mut(at);
+        let velocity = self.velocity.split_at_mut(at);
+        let gradient = self.gradient.split_at_mut(at);
+        let change = self.change.split_at_mut(at);
+        let travel = self.travel.split_at_mut(at.min(self.travel.len()));
+        let speeds = self.speeds.split_at(at.min(self.speeds.len()));
+        let first = Self {
+            places: places.0,
+            held: held.0,
+            distances: distances.0,
+            velocity: velocity.0,
+            gradient: gradient.0,
+            change: change.0,
+            travel: travel.0,
+            speeds: speeds.0,
+            dt: self.dt,
+        };
+        let second = Self {
+            places: places.1,
+            held: held.1,
+            distances: distances.1,
+            velocity: velocity.1,
+            gradient: gradient.1,
+            change: change.1,
+            travel: travel.1,
+            speeds: speeds.1,
+            dt: self.dt,
+        };
+        (first, second)
+    }
+}
+
+/// Points in a row and their answers.
+struct Part<'a> {
+    /// Place of the first point among all.
+    first: usize,
+    points: &'a [Vector3<f64>],
+    answers: Answers<'a>,
+}
+
+impl Part<'_> {
+    /// In the middle, unless it is short.
+    fn split(self) -> (Self, Option<Self>) {
+        if self.points.len() <= GRAIN {
+            return (self, None);
+        }
+        let at = (self.points.len() / 2).next_multiple_of(GRAIN);
+        let (points, others) = self.points.split_at(at);
+        let (answers, theirs) = self.answers.split(at);
+        let part = |first, points, answers| Self {
+            first,
+            points,
+            answers,
+        };
+        let second = part(self.first + at, others, theirs);
+        (part(self.first, points, answers), Some(second))
     }
 }
 
 /// Where a point is hosted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Placement {
-    /// The point or, out of the domain, the nearest place in it \[m\].
-    pub held: Vector3<f64>,
     pub reference: [f64; 3],
-    /// From the element \[m\], 0 inside.
-    pub distance: f64,
     pub shift: Shift,
     pub element: u32,
     pub rank: u32,
     /// No other rank can know better.
     certain: bool,
+    /// The point is in no element, and held at the nearest place of one.
+    pub outside: bool,
 }
 
-impl Placement {
-    fn keep(&mut self, rank: u32, reply: &Reply) {
-        *self = Self {
-            held: reply.held.into(),
-            reference: reply.reference,
-            distance: reply.distance,
-            shift: reply.shift,
-            element: reply.element,
-            rank,
-            certain: reply.certain == 1,
-        };
-    }
+/// How points move through the flow that they are asked for.
+#[derive(Clone, Copy)]
+pub(crate) struct Motion<'a> {
+    /// Velocities of the points \[m/s\].
+    pub speeds: &'a [Vector3<f64>],
+    /// Step \[s\].
+    pub dt: f64,
+    /// What comes from their way is asked for by itself.
+    pub travels: bool,
 }
 
 /// Which ranks hold which part of space, and where each point of this rank was last.
@@ -193,6 +322,10 @@ pub(crate) struct Rendezvous {
     /// Distances closer than this are equal \[m\].
     quantum: f64,
     pub placements: Vec<Placement>,
+    /// The points or, out of the domain, the nearest places in it \[m\].
+    pub held: Vec<Vector3<f64>>,
+    /// From their elements \[m\], of those outside.
+    distances: Vec<f64>,
 }
 
 impl Rendezvous {
@@ -211,76 +344,93 @@ impl Rendezvous {
                 .collect(),
             quantum: 1e-9 * scale,
             placements: Vec::new(),
+            held: Vec::new(),
+            distances: Vec::new(),
         }
     }
 
-    /// Places every point and puts what the hosts say of it into `answers`. Collective; one round of messages when no
+    /// Distance of a point from its element \[m\], 0 inside.
+    pub fn distance(&self, point: usize) -> f64 {
+        if self.placements[point].outside {
+            self.distances[point]
+        } else {
+            0.0
+        }
+    }
+
+    /// Places every point and puts what the hosts say of it, or what it meets in its `motion`, into `ambient`. Collective; one round of messages when no
     /// point has left the elements of its host, two otherwise. Points that this rank hosts itself are in none.
-    pub fn place<F: Fn(&Location) -> Flow + Sync>(
+    pub fn place<F: Fn(&Location, &mut Kept) -> Flow + Sync>(
         &mut self,
         points: &[Vector3<f64>],
+        motion: Option<Motion<'_>>,
         host: &Host<'_, F>,
-        mut answers: Answers<'_>,
+        ambient: &mut Ambient,
     ) -> Result<(), CouplingError> {
         if self.placements.len() != points.len() {
             self.placements = points.iter().map(|p| self.first_guess(p)).collect();
         }
-        // Not a number as soon as one is not finite.
-        let zero: Vector3<f64> = points.iter().map(|p| 0.0 * p).sum();
-        let finite = |p: &Vector3<f64>| p.iter().all(|x| x.is_finite());
-        let bad = if finite(&zero) {
-            None
-        } else {
-            points.iter().position(|p| !finite(p))
+        self.held.resize(points.len(), Vector3::zeros());
+        self.distances.resize(points.len(), 0.0);
+        ambient.velocity.resize(points.len(), Vector3::zeros());
+        ambient.gradient.resize(points.len(), Matrix3::zeros());
+        ambient.change.resize(points.len(), Vector3::zeros());
+        let travels = motion.is_some_and(|motion| motion.travels);
+        let travelling = if travels { points.len() } else { 0 };
+        ambient.travel.resize(travelling, Vector3::zeros());
+        let own = self.communicator.rank() as u32;
+        // Points that this rank hosts itself: no message, and nothing on the way.
+        let all = Part {
+            first: 0,
+            points,
+            answers: self.answers(motion, ambient),
         };
-        if bad.is_none() {
-            self.answer_own(points, host, &mut answers);
-        }
+        let bad = rayon::iter::split(all, Part::split)
+            .filter_map(|mut part| host.reply_here(&mut part, own))
+            .min();
         if self.communicator.size() == 1 {
             return self.agree(points, bad, false).map(|_| ());
         }
-        let own = self.communicator.rank() as u32;
         let mut asked: Vec<(u32, u32)> = Vec::new();
         if bad.is_none() {
             let hosts = self.placements.iter().map(|place| place.rank);
             asked.extend((0..).zip(hosts).filter(|&(_, rank)| rank != own));
         }
-        for (&(k, rank), reply) in asked.iter().zip(self.ask(points, &asked, host)) {
-            self.placements[k as usize].keep(rank, &reply);
-            answers.put(k, &reply.flow);
+        let replies = self.ask(points, &asked, host);
+        let mut answers = self.answers(motion, ambient);
+        for (&(k, rank), reply) in asked.iter().zip(&replies) {
+            answers.keep_reply(k as usize, rank, reply);
         }
         let uncertain = |k: &u32| !self.placements[*k as usize].certain;
         let points_here = if bad.is_none() { points.len() } else { 0 };
         let open: Vec<u32> = (0..points_here as u32).filter(uncertain).collect();
         if self.agree(points, bad, !open.is_empty())? {
-            self.ask_others(points, &open, host, &mut answers);
+            self.ask_others(points, &open, motion, host, ambient);
         }
         Ok(())
     }
 
-    /// Points that this rank hosts itself: no message, and nothing on the way.
-    fn answer_own<F: Fn(&Location) -> Flow + Sync>(
-        &mut self,
-        points: &[Vector3<f64>],
-        host: &Host<'_, F>,
-        answers: &mut Answers<'_>,
-    ) {
-        let own = self.communicator.rank() as u32;
-        self.placements
-            .par_chunks_mut(GRAIN)
-            .zip(points.par_chunks(GRAIN))
-            .zip(answers.velocity.par_chunks_mut(GRAIN))
-            .zip(answers.gradient.par_chunks_mut(GRAIN))
-            .zip(answers.change.par_chunks_mut(GRAIN))
-            .for_each(|((((places, points), velocity), gradient), change)| {
-                let places = places.iter_mut().zip(points);
-                let answers = velocity.iter_mut().zip(gradient).zip(change);
-                for ((place, point), ((u, g), c)) in places.zip(answers) {
-                    if place.rank == own {
-                        host.reply_here(point, place, Answer(u, g, c));
-                    }
-                }
-            });
+    fn answers<'a>(
+        &'a mut self,
+        motion: Option<Motion<'a>>,
+        ambient: &'a mut Ambient,
+    ) -> Answers<'a> {
+        let motion = motion.unwrap_or(Motion {
+            speeds: &[],
+            dt: 0.0,
+            travels: false,
+        });
+        Answers {
+            places: &mut self.placements,
+            held: &mut self.held,
+            distances: &mut self.distances,
+            velocity: &mut ambient.velocity,
+            gradient: &mut ambient.gradient,
+            change: &mut ambient.change,
+            travel: &mut ambient.travel,
+            speeds: motion.speeds,
+            dt: motion.dt,
+        }
     }
 
     /// True when any rank has open points; an error on all ranks when any has a point that is not finite.
@@ -307,20 +457,21 @@ impl Rendezvous {
     }
 
     /// Second round: all other ranks that may hold something nearer than what the host found, against its own word.
-    fn ask_others<F: Fn(&Location) -> Flow + Sync>(
+    fn ask_others<F: Fn(&Location, &mut Kept) -> Flow + Sync>(
         &mut self,
         points: &[Vector3<f64>],
         open: &[u32],
+        motion: Option<Motion<'_>>,
         host: &Host<'_, F>,
-        answers: &mut Answers<'_>,
+        ambient: &mut Ambient,
     ) {
         let mut asked = Vec::new();
         for &k in open {
-            let known = &self.placements[k as usize];
-            asked.push((k, known.rank));
-            let reach = known.distance + self.quantum;
+            let known = self.placements[k as usize].rank;
+            asked.push((k, known));
+            let reach = self.distance(k as usize) + self.quantum;
             let near = (0..self.bounds.len() as u32)
-                .filter(|&r| r != known.rank && self.distance(r, &points[k as usize]) <= reach);
+                .filter(|&r| r != known && self.outside_of(r, &points[k as usize]) <= reach);
             asked.extend(near.map(|r| (k, r)));
         }
         let replies = self.ask(points, &asked, host);
@@ -328,8 +479,8 @@ impl Rendezvous {
         for of_point in replies.chunk_by(|a, b| a.0.0 == b.0.0) {
             let best = of_point.iter().min_by_key(|(_, reply)| self.key(reply));
             if let Some(&(&(k, rank), reply)) = best {
-                self.placements[k as usize].keep(rank, reply);
-                answers.put(k, &reply.flow);
+                self.answers(motion, ambient)
+                    .keep_reply(k as usize, rank, reply);
             }
         }
     }
@@ -341,7 +492,7 @@ impl Rendezvous {
     }
 
     /// Sends (point, rank) questions and returns the answers in their order. This rank's own are not sent. Collective.
-    fn ask<F: Fn(&Location) -> Flow + Sync>(
+    fn ask<F: Fn(&Location, &mut Kept) -> Flow + Sync>(
         &self,
         points: &[Vector3<f64>],
         asked: &[(u32, u32)],
@@ -359,7 +510,7 @@ impl Rendezvous {
         }
         let answer = |queries: Vec<Query>| -> Vec<Reply> {
             let queries = queries.par_iter().with_min_len(GRAIN);
-            queries.map(|query| host.reply(query)).collect()
+            (queries.map_init(Kept::default, |kept, query| host.reply(query, kept))).collect()
         };
         let incoming = self.communicator.exchange(outgoing).into_iter();
         let answered = self.communicator.exchange(incoming.map(answer).collect());
@@ -375,23 +526,22 @@ impl Rendezvous {
         let key = |r: u32| {
             let x = self.lattice.image(point, self.lattice.wrap(point));
             let centre = (self.bounds[r as usize].centre() - x).norm();
-            (self.distance(r, point), centre)
+            (self.outside_of(r, point), centre)
         };
         let nearer = |a: &(f64, f64), b: &(f64, f64)| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1));
         let rank = (0..self.bounds.len() as u32).min_by(|&a, &b| nearer(&key(a), &key(b)));
         Placement {
-            held: *point,
             reference: [0.0; 3],
-            distance: 0.0,
             shift: [0; 3],
             element: UNKNOWN,
             rank: rank.unwrap_or(0),
             certain: false,
+            outside: false,
         }
     }
 
     /// Distance of a point, or the nearest of its images, to the bounds of a rank.
-    fn distance(&self, rank: u32, point: &Vector3<f64>) -> f64 {
+    fn outside_of(&self, rank: u32, point: &Vector3<f64>) -> f64 {
         let bounds = &self.bounds[rank as usize];
         let images = self.lattice.images(point);
         images

@@ -3,7 +3,7 @@
 use crate::{Coupling, CouplingError};
 use bytemuck::{Pod, Zeroable};
 use fibreflow_fibre::{Ambient, Reaction};
-use fibreflow_mesh::shape;
+use fibreflow_mesh::jet::{Moments, Polynomial};
 use nalgebra::Vector3;
 
 /// A place in an element of the rank that is asked.
@@ -45,7 +45,6 @@ impl Coupling {
     fn response_in_elements(&self) -> Vec<f64> {
         let communicator = self.communicator();
         let own = communicator.rank() as u32;
-        let elements = &self.mesh.elements;
         let places = &self.rendezvous.placements;
         let mut outgoing = vec![Vec::new(); communicator.size()];
         for place in places.iter().filter(|place| place.rank != own) {
@@ -55,37 +54,49 @@ impl Coupling {
             });
         }
         let incoming = communicator.exchange(outgoing);
-        let weights = |element: usize, reference: [f64; 3]| {
-            let n = shape::values(self.locator.kind(element), reference);
-            elements.nodes(element).iter().map(|&i| i as usize).zip(n)
-        };
         let mut density = vec![[0.0]; self.mesh.total()];
-        let mut add = |element: usize, reference: [f64; 3]| {
-            weights(element, reference).for_each(|(i, n)| density[i][0] += n);
+        let here = places.iter().filter(|place| place.rank == own);
+        let here = here.map(|place| (place.element as usize, place.reference));
+        let sent = incoming.iter().flatten();
+        let sent = sent.map(|share| (share.element as usize, share.reference));
+        // Points in the same element, one after the other, go to its nodes together.
+        let mut sums: Option<(usize, Moments)> = None;
+        let mut add = |(element, sums): (usize, Moments)| {
+            let nodes = self.mesh.elements.nodes(element).iter();
+            let shares = nodes.zip(sums.vertices());
+            shares.for_each(|(&i, n)| density[i as usize][0] += n[0]);
         };
-        for place in places.iter().filter(|place| place.rank == own) {
-            add(place.element as usize, place.reference);
+        for (element, reference) in here.chain(sent) {
+            if sums.as_ref().is_none_or(|sums| sums.0 != element) {
+                let next = (element, Moments::new(self.locator.kind(element)));
+                sums.replace(next).into_iter().for_each(&mut add);
+            }
+            if let Some((_, sums)) = &mut sums {
+                sums.add([1.0, 0.0, 0.0, 0.0], [[0.0; 4]; 3], reference);
+            }
         }
-        for share in incoming.iter().flatten() {
-            add(share.element as usize, share.reference);
-        }
+        sums.into_iter().for_each(add);
         self.mesh.halo.accumulate(&mut density);
         let nodes = density.iter_mut().zip(&self.geometry.volumes);
         for (([density], volume), &held) in nodes.zip(&self.no_slip) {
             *density = if held { 0.0 } else { *density / volume };
         }
         self.mesh.halo.update(&mut density);
-        let at = |element: usize, reference: [f64; 3]| -> f64 {
-            weights(element, reference)
-                .map(|(i, n)| n * density[i][0])
-                .sum()
+        let mut cell = (usize::MAX, Polynomial::default());
+        let mut at = |element: usize, reference: [f64; 3]| -> f64 {
+            if cell.0 != element {
+                let nodes = self.locator.nodes(element);
+                let value = |v: usize| [density[nodes[v] as usize][0], 0.0, 0.0, 0.0];
+                cell = (element, Polynomial::new(self.locator.kind(element), value));
+            }
+            cell.1.value(reference)[0]
         };
-        let answer = |shares: &Vec<Share>| {
+        let mut answer = |shares: &Vec<Share>| {
             let each = shares.iter();
             each.map(|share| at(share.element as usize, share.reference))
                 .collect::<Vec<f64>>()
         };
-        let answered = communicator.exchange(incoming.iter().map(answer).collect());
+        let answered = communicator.exchange(incoming.iter().map(&mut answer).collect());
         let mut answered: Vec<_> = answered.into_iter().map(Vec::into_iter).collect();
         let response = places.iter().map(|place| {
             if place.rank == own {

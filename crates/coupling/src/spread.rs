@@ -41,10 +41,11 @@ impl Coupling {
         check_length("reaction.torque", reaction.torque.len(), points)?;
         check_length("body_force", body_force.len(), self.mesh.total())?;
         let communicator = self.communicator().clone();
-        let mut sums = Sums::given(reaction, self.locator.scale());
+        let mut sums = Sums::default();
         match self.gaussian.take() {
             None => self.spread_elements(reaction, &mut sums),
             Some(gaussian) => {
+                sums.give_all(reaction, self.locator.scale());
                 self.spread_gaussian(&gaussian, reaction, &mut sums);
                 self.gaussian = Some(gaussian);
             }
@@ -72,6 +73,7 @@ pub(crate) struct Sums {
     force: Vector3<f64>,
     force_given: Vector3<f64>,
     pub torque: Vector3<f64>,
+    pub torque_given: Vector3<f64>,
     pub torque_defect: Vector3<f64>,
     on_walls: Vector3<f64>,
     force_size: f64,
@@ -80,14 +82,26 @@ pub(crate) struct Sums {
 }
 
 impl Sums {
-    fn given(reaction: &Reaction, scale: f64) -> Self {
-        let mut sums = Self::default();
-        for (force, torque) in reaction.force.iter().zip(&reaction.torque) {
-            sums.force_given += force;
-            sums.force_size += force.norm();
-            sums.torque_size += torque.norm() + scale * force.norm();
-        }
-        sums
+    /// Adds what a point gives.
+    #[inline(always)]
+    pub fn give(&mut self, force: &Vector3<f64>, torque: &Vector3<f64>, scale: f64) {
+        let size = force.norm();
+        self.force_given += force;
+        self.force_size += size;
+        self.torque_size += torque.norm() + scale * size;
+    }
+
+    fn give_all(&mut self, reaction: &Reaction, scale: f64) {
+        let points = reaction.force.iter().zip(&reaction.torque);
+        points.for_each(|(force, torque)| self.give(force, torque, scale));
+    }
+
+    /// Adds what other points gave.
+    pub fn add(&mut self, other: &Self) {
+        self.force_given += other.force_given;
+        self.torque_given += other.torque_given;
+        self.force_size += other.force_size;
+        self.torque_size += other.torque_size;
     }
 
     fn report(&self, communicator: &Communicator) -> SpreadReport {

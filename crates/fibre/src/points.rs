@@ -13,7 +13,7 @@ pub struct Ambient {
     /// Change of the velocity in the step, uniform in time \[m/s\]; empty where it is held.
     pub change: Vec<Vector3>,
     /// The part of `change` that comes from the way of the point through the flow, Δt v·∇u \[m/s\]; empty where `change` is
-    /// that at a fixed place.
+    /// that at a fixed place, and may be where the fluid's inertia is not in the laws.
     pub travel: Vec<Vector3>,
     /// How far the velocity gives way in the step to a force on the fluid at the point \[m/(s·N)\]; empty where the flow is
     /// what it is. Laws of resistance z then act as z/(1 + z·yielding).
@@ -27,6 +27,41 @@ impl Ambient {
         let last = self.velocity[point];
         let change = self.change.get(point);
         change.map_or(last, |change| last + change * (moment - 1.0))
+    }
+
+    /// From the flow at the place of a point in the middle of a step of `dt` \[s\], of second order: `velocity` and the
+    /// columns ∂u/∂x_j of `gradient` as they are at its start, `slope` = ∂u/∂t. The velocity at the end of the step, its
+    /// change as a point of `speed` meets it, and the part of that that comes from its way. A fourth component is carried
+    /// along for the sake of vector registers.
+    #[inline(always)]
+    pub fn met(
+        velocity: [f64; 4],
+        gradient: [[f64; 4]; 3],
+        slope: [f64; 4],
+        speed: &Vector3,
+        dt: f64,
+    ) -> [[f64; 4]; 3] {
+        let [x, y, z] = gradient;
+        let travel: [f64; 4] =
+            std::array::from_fn(|l| dt * (x[l] * speed.x + y[l] * speed.y + z[l] * speed.z));
+        let change: [f64; 4] = std::array::from_fn(|l| dt * slope[l] + travel[l]);
+        let end = std::array::from_fn(|l| velocity[l] + 0.5 * (dt * slope[l] + change[l]));
+        [end, change, travel]
+    }
+
+    /// From the flow at the places of points in the middle of a step of `dt` \[s\], with ∂u/∂t \[m/s²\] as `change` where
+    /// that is not empty, to what points of these `speeds` \[m/s\] meet: see [`Ambient::met`].
+    pub fn meet(&mut self, speeds: &[Vector3], dt: f64) {
+        self.change.resize(speeds.len(), Vector3::zeros());
+        self.travel.resize(speeds.len(), Vector3::zeros());
+        let flow = self.velocity.iter_mut().zip(&self.gradient);
+        let changes = self.change.iter_mut().zip(&mut self.travel);
+        let four = |v: &Vector3| [v.x, v.y, v.z, 0.0];
+        for (((u, gradient), (change, travel)), speed) in flow.zip(changes).zip(speeds) {
+            let columns = [0, 1, 2].map(|c| four(&gradient.column(c).into()));
+            let met = Self::met(four(u), columns, four(change), speed, dt);
+            [*u, *change, *travel] = met.map(|[x, y, z, _]| Vector3::new(x, y, z));
+        }
     }
 
     /// `drag` per length, less what the flow gives way to it over `length` of fibre; and the factor that is left across.

@@ -365,11 +365,24 @@ impl FibreSystem {
         self.model.points[self.model.points.len() - 1]
     }
 
+    /// How fibres are computed.
+    pub fn settings(&self) -> &FibreSettings {
+        &self.settings
+    }
+
     /// The hydrodynamic points at the present positions; `out` is overwritten.
     pub fn points(&self, out: &mut Points) {
-        out.position.clear();
-        out.velocity.clear();
-        out.weight.clear();
+        self.points_after(0.0, out);
+    }
+
+    /// The hydrodynamic points where they will be after `time` \[s\] at the velocities of now; `out` is overwritten.
+    pub fn points_after(&self, time: f64, out: &mut Points) {
+        let points = self.point_count();
+        out.position.resize(points, Vector3::zeros());
+        out.velocity.resize(points, Vector3::zeros());
+        out.weight.resize(points, 0.0);
+        let places = out.position.iter_mut().zip(&mut out.velocity);
+        let mut points = places.zip(&mut out.weight);
         for f in 0..self.fibres() {
             let node = self.model.offsets[f];
             for (i, s) in self.model.segment_range(f).enumerate() {
@@ -382,12 +395,12 @@ impl FibreSystem {
                     self.motion.velocity[node + i + 1],
                 );
                 let count = self.model.points[s + 1] - self.model.points[s];
-                for k in 0..count {
+                let length = self.model.segments[s].rest_length / count as f64;
+                for (k, ((position, velocity), weight)) in (0..count).zip(&mut points) {
                     let xi = abscissa(k, count);
-                    out.position.push(a + (b - a) * xi);
-                    out.velocity.push(v + (w - v) * xi);
-                    out.weight
-                        .push(self.model.segments[s].rest_length / count as f64);
+                    *velocity = v + (w - v) * xi;
+                    *position = a + (b - a) * xi + *velocity * time;
+                    *weight = length;
                 }
             }
         }

@@ -6,7 +6,7 @@
 //! and reproduce linear fields; entries beyond the kind's vertices are zero.
 
 use crate::ElementKind;
-use crate::jet::{self, Lanes};
+use crate::jet::{Lanes, Polynomial};
 
 /// Shape functions at a point of an element.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -143,11 +143,81 @@ pub fn exit(kind: ElementKind, r: [f64; 3]) -> usize {
     }
 }
 
+/// The map from the reference domain to an element, in the form that takes many points.
+#[derive(Clone, Copy, Debug)]
+pub struct Map {
+    /// First vertex \[m\].
+    origin: [f64; 3],
+    /// Place relative to it, so that round-off scales with the element.
+    from_origin: Polynomial,
+}
+
+impl Map {
+    /// Of an element with vertices `coordinates` \[m\].
+    #[inline]
+    pub fn new(kind: ElementKind, coordinates: &[[f64; 3]; 8]) -> Self {
+        let x = padded(kind, coordinates);
+        Self {
+            origin: coordinates[0],
+            from_origin: Polynomial::new(kind, |v| x[v]),
+        }
+    }
+
+    /// Physical point of reference point `r` \[m\]: Σ N_a x_a.
+    #[inline]
+    pub fn position(&self, r: [f64; 3]) -> [f64; 3] {
+        let from = three(self.from_origin.value(r));
+        std::array::from_fn(|c| self.origin[c] + from[c])
+    }
+
+    /// Rows ∇r, ∇s, ∇t of J⁻¹ \[1/m\] at reference point `r`.
+    #[inline]
+    pub fn inverse_jacobian(&self, r: [f64; 3]) -> [[f64; 3]; 3] {
+        let columns = self.from_origin.jet(r).along.map(three);
+        let (rows, determinant) = cofactors(&columns);
+        rows.map(|row| row.map(|c| c / determinant))
+    }
+
+    /// Reference point of a physical point \[m\], by Newton's method from `start`; as [`locate`].
+    #[inline]
+    pub fn locate_from(&self, point: [f64; 3], start: [f64; 3]) -> Option<[f64; 3]> {
+        let target = minus(point, self.origin);
+        let mut r = start;
+        let mut here = self.from_origin.jet(r);
+        let mut residual = minus(target, three(here.value));
+        for _ in 0..STEPS {
+            let (cofactors, determinant) = cofactors(&here.along.map(three));
+            let step: [f64; 3] = std::array::from_fn(|k| dot(cofactors[k], residual) / determinant);
+            let length = step.iter().fold(0.0, |m: f64, s| m.max(s.abs()));
+            if !length.is_finite() {
+                return None;
+            }
+            let mut fraction = 1.0;
+            let old = dot(residual, residual);
+            let start = r;
+            loop {
+                r = std::array::from_fn(|k| start[k] + fraction * step[k]);
+                if length < CONVERGED {
+                    return Some(r);
+                }
+                here = self.from_origin.jet(r);
+                residual = minus(target, three(here.value));
+                if dot(residual, residual) < old {
+                    break;
+                }
+                fraction *= 0.5;
+                if fraction < 1e-3 {
+                    return None;
+                }
+            }
+        }
+        None
+    }
+}
+
 /// Physical point of reference point `r` \[m\]: Σ N_a x_a.
 pub fn position(kind: ElementKind, coordinates: &[[f64; 3]; 8], r: [f64; 3]) -> [f64; 3] {
-    let x = padded(kind, coordinates);
-    let from = three(jet::value(kind, |v| x[v], r));
-    std::array::from_fn(|c| coordinates[0][c] + from[c])
+    Map::new(kind, coordinates).position(r)
 }
 
 /// Values and physical gradients J⁻ᵀ ∂N_a at reference point `r` of an element with vertices `coordinates` \[m\].
@@ -168,8 +238,7 @@ pub fn inverse_jacobian(
     coordinates: &[[f64; 3]; 8],
     r: [f64; 3],
 ) -> [[f64; 3]; 3] {
-    let (rows, determinant) = cofactors(&jacobian(kind, coordinates, r));
-    rows.map(|row| row.map(|c| c / determinant))
+    Map::new(kind, coordinates).inverse_jacobian(r)
 }
 
 /// Columns ∂x/∂r, ∂x/∂s, ∂x/∂t \[m\].
@@ -179,8 +248,9 @@ pub(crate) fn jacobian(
     coordinates: &[[f64; 3]; 8],
     r: [f64; 3],
 ) -> [[f64; 3]; 3] {
-    let x = padded(kind, coordinates);
-    jet::jet(kind, |v| x[v], r).along.map(three)
+    (Map::new(kind, coordinates).from_origin.jet(r))
+        .along
+        .map(three)
 }
 
 /// Reference point of a physical point \[m\], by Newton's method from the centre (one step where the map is linear).
@@ -188,50 +258,7 @@ pub(crate) fn jacobian(
 /// The answer may lie outside the element: ask [`inside`]. None when no answer is found, as may happen for points far
 /// from a distorted element.
 pub fn locate(kind: ElementKind, coordinates: &[[f64; 3]; 8], point: [f64; 3]) -> Option<[f64; 3]> {
-    locate_from(kind, coordinates, point, centre(kind))
-}
-
-/// As [`locate`], from `start`.
-#[inline]
-pub fn locate_from(
-    kind: ElementKind,
-    coordinates: &[[f64; 3]; 8],
-    point: [f64; 3],
-    start: [f64; 3],
-) -> Option<[f64; 3]> {
-    let x = padded(kind, coordinates);
-    let target = minus(point, coordinates[0]);
-    let at = |r: [f64; 3]| jet::jet(kind, |v| x[v], r);
-    let mut r = start;
-    let mut here = at(r);
-    let mut residual = minus(target, three(here.value));
-    for _ in 0..STEPS {
-        let (cofactors, determinant) = cofactors(&here.along.map(three));
-        let step: [f64; 3] = std::array::from_fn(|k| dot(cofactors[k], residual) / determinant);
-        let length = step.iter().fold(0.0, |m: f64, s| m.max(s.abs()));
-        if !length.is_finite() {
-            return None;
-        }
-        let mut fraction = 1.0;
-        let old = dot(residual, residual);
-        let start = r;
-        loop {
-            r = std::array::from_fn(|k| start[k] + fraction * step[k]);
-            if length < CONVERGED {
-                return Some(r);
-            }
-            here = at(r);
-            residual = minus(target, three(here.value));
-            if dot(residual, residual) < old {
-                break;
-            }
-            fraction *= 0.5;
-            if fraction < 1e-3 {
-                return None;
-            }
-        }
-    }
-    None
+    Map::new(kind, coordinates).locate_from(point, centre(kind))
 }
 
 /// Reference point at the mean of the vertices.

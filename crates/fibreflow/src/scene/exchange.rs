@@ -202,14 +202,18 @@ impl Exchange {
         ambient: &mut Ambient,
         dt: f64,
     ) -> Result<(), ProgramError> {
-        to_middle(fibres, points, dt);
-        let (velocity, positions) = (fluid.velocity(), &points.position);
-        if self.slope.is_empty() {
-            self.coupling.sample(velocity, positions, ambient)?;
-            ambient.change.resize(positions.len(), Vector3::zeros());
-        } else {
+        fibres.points_after(0.5 * dt, points);
+        let velocity = fluid.velocity();
+        let slope = Some(&self.slope[..]).filter(|slope| !slope.is_empty());
+        if self.undisturbed.is_none() {
+            let travels = fibres.settings().fluid_inertia;
             self.coupling
-                .sample_changing(velocity, &self.slope, positions, ambient)?;
+                .sample_met(velocity, slope, points, dt, travels, ambient)?;
+        } else if let Some(slope) = slope {
+            self.coupling
+                .sample_changing(velocity, slope, &points.position, ambient)?;
+        } else {
+            self.coupling.sample(velocity, &points.position, ambient)?;
         }
         if self.two_way {
             self.estimate_response(fluid, fibres, points, ambient, dt)?;
@@ -217,17 +221,7 @@ impl Exchange {
         if self.undisturbed.is_some() {
             let [_, memory] = self.columns(fibres.carried());
             self.correct(fibres, points, &memory, ambient);
-        }
-        ambient
-            .travel
-            .resize(points.velocity.len(), Vector3::zeros());
-        let flow = ambient.velocity.iter_mut().zip(&ambient.gradient);
-        let changes = ambient.change.iter_mut().zip(&mut ambient.travel);
-        for (((u, gradient), (change, travel)), v) in flow.zip(changes).zip(&points.velocity) {
-            *travel = dt * (gradient * v);
-            let slope = dt * *change;
-            *change = slope + *travel;
-            *u += 0.5 * (slope + *change);
+            ambient.meet(&points.velocity, dt);
         }
         Ok(())
     }
@@ -374,14 +368,6 @@ impl Exchange {
         let nodes = fluid.velocity().iter().zip(&self.before);
         let slope = nodes.map(|(u, old)| std::array::from_fn(|c| (u[c] - old[c]) / dt));
         self.slope.extend(slope);
-    }
-}
-
-/// Points where they will be in the middle of the step, at the velocities of now.
-pub(super) fn to_middle(fibres: &FibreSystem, points: &mut Points, dt: f64) {
-    fibres.points(points);
-    for (x, v) in points.position.iter_mut().zip(&points.velocity) {
-        *x += 0.5 * dt * v;
     }
 }
 

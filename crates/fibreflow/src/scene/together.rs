@@ -5,7 +5,7 @@
 //! fixed point F' = F is found by Anderson acceleration, each round one Stokes solve that starts from the last answer
 //! and one step of the fibres from the same state.
 
-use super::exchange::{Exchange, to_middle};
+use super::exchange::Exchange;
 use crate::error::ProgramError;
 use crate::figures::{Timings, timed};
 use fibreflow_coupling::{Anderson, SpreadReport};
@@ -64,7 +64,7 @@ impl Exchange {
     ) -> Result<Together, ProgramError> {
         let communicator = fibres.communicator().clone();
         let steady = fluid.settings().inertia == Inertia::Steady;
-        to_middle(fibres, points, dt);
+        fibres.points_after(0.5 * dt, points);
         let scale = self.coupling.spacing();
         let [guess, memory] = self.columns(fibres.carried());
         let mut saved = Saved::default();
