@@ -15,6 +15,7 @@ mod joints;
 mod mobility;
 mod newton;
 mod observe;
+mod pins;
 mod sampled;
 mod settings;
 mod state;

@@ -7,6 +7,7 @@
 use super::cone::{self, Contact, Coupling, Law, Source};
 use super::grips::Grips;
 use super::implicit::{Unknown, Work, assemble, solve};
+use super::pins;
 use super::system::{Chain, LinkedSystem, Segment, each};
 use super::touch::Touch;
 use super::walls::Press;
@@ -329,6 +330,7 @@ impl LinkedSystem {
             }
             chain.rate = rate / segments.len() as f64;
             chain.centre += chain.rate * step;
+            pins::fit(chain, segments);
         });
         self.implicit.work = work;
         self.regrow();
