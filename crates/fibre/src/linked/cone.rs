@@ -25,6 +25,8 @@ const LOST: f64 = 1e-2;
 const BESIDE: f64 = 1e-9;
 /// Changes of the limits of friction after which they are taken as they are.
 const ROUNDS: usize = 40;
+/// Sweeps after which limits are taken as they are.
+const MANY: usize = 20_000;
 /// By how much of all forces friction that slides may miss its limit.
 const NEAR: f64 = 2e-3;
 /// Least part of a change of a limit that is followed.
@@ -254,7 +256,7 @@ fn follow(contacts: &mut [Contact], coupling: &Coupling, law: &Law) -> usize {
                 missed += (wanted - tangential).powi(2);
             }
         }
-        if missed <= NEAR * NEAR * size {
+        if missed <= NEAR * NEAR * size || sweeps > MANY {
             break;
         }
         for k in 0..contacts.len() {
