@@ -147,6 +147,22 @@ impl Coupling {
         }
         (moved, own)
     }
+
+    /// Sum over all contacts.
+    #[inline(always)]
+    pub fn product(&self, c: usize, force: impl Fn(usize) -> Vector3) -> Vector3 {
+        let [first, second] = self.place[c];
+        let sides = if first == second { 1 } else { 2 };
+        let mut moved = Vector3::zeros();
+        for (fibre, place) in [first, second].into_iter().take(sides) {
+            let sides = self.starts[fibre as usize]..self.starts[fibre as usize + 1];
+            let first = self.block_starts[fibre as usize] + place as usize * sides.len();
+            for (block, &other) in self.blocks[first..].iter().zip(&self.contact[sides]) {
+                moved += block * force(other as usize);
+            }
+        }
+        moved
+    }
 }
 
 /// Finds the forces; returns how many sweeps over the contacts that took. None if sweeps with exact cones do not find them and a

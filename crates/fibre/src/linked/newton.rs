@@ -51,39 +51,65 @@ pub(super) fn minimise(contacts: &mut [Contact], coupling: &Coupling, law: &Law)
 
 /// What a contact adds to the matrix, which of its forces can change, and the inverse of its own block in these.
 struct Block {
-    slope: Matrix3,
-    free: Matrix3,
+    /// Along d₀.
+    normal: f64,
+    /// Whether friction can change in any direction; else it can along its limit, the direction of `along`, if any.
+    sticks: bool,
+    along: Vector3,
+    /// Along the limit, which bends away from it.
+    bend: f64,
     inverse: Matrix3,
 }
 
 impl Block {
     /// Of a contact with the answer `own` to itself; across d₀ the gradient is its velocity.
     fn new(contact: &Contact, gradient: &Vector3, own: &Matrix3, law: &Law) -> Self {
-        let (mut slope, mut free) = (Matrix3::zeros(), Matrix3::zeros());
-        free[(0, 0)] = 1.0;
-        slope[(0, 0)] = match contact.grips() {
+        let normal = match contact.grips() {
             true => LEAST * own.trace(),
             false => law.decay / (law.step * faint(contact.force.x, law)),
         };
-        let tangential = Vector3::new(0.0, contact.force.y, contact.force.z);
-        if contact.limit > 0.0 && !contact.at_limit() {
-            free = Matrix3::identity();
-        } else if contact.limit > 0.0 {
-            // Along the limit, which bends away from it.
-            let along = Vector3::x().cross(&tangential).normalize();
-            let dyad = along * along.transpose();
-            slope += dyad * (gradient.y.hypot(gradient.z) / contact.limit);
-            free += dyad;
+        let mut block = Self {
+            normal,
+            sticks: contact.limit > 0.0 && !contact.at_limit(),
+            along: Vector3::zeros(),
+            bend: 0.0,
+            inverse: Matrix3::zeros(),
+        };
+        if contact.limit > 0.0 && !block.sticks {
+            let friction = Vector3::new(0.0, contact.force.y, contact.force.z);
+            block.along = Vector3::x().cross(&friction).normalize();
+            block.bend = gradient.y.hypot(gradient.z) / contact.limit;
         }
-        let block = free * (own + slope) * free + Matrix3::identity() - free;
-        let inverse = block
-            .try_inverse()
-            .map_or_else(Matrix3::zeros, |i| free * i * free);
-        Self {
-            slope,
-            free,
-            inverse,
+        let free = Matrix3::from_columns(
+            &[Vector3::x(), Vector3::y(), Vector3::z()].map(|e| block.free(e)),
+        );
+        let mut whole = free * own * free + Matrix3::identity() - free;
+        whole[(0, 0)] += normal;
+        whole += block.along * block.along.transpose() * block.bend;
+        if let Some(inverse) = whole.try_inverse() {
+            block.inverse = free * inverse * free;
         }
+        block
+    }
+
+    /// What of a vector belongs to forces that can change.
+    #[inline(always)]
+    fn free(&self, v: Vector3) -> Vector3 {
+        match self.sticks {
+            true => v,
+            false => Vector3::new(v.x, 0.0, 0.0) + self.along * self.along.dot(&v),
+        }
+    }
+
+    /// The contact's own part of a product with the matrix.
+    #[inline(always)]
+    fn product(&self, v: &Vector3) -> Vector3 {
+        Vector3::new(self.normal * v.x, 0.0, 0.0) + self.along * (self.bend * self.along.dot(v))
+    }
+
+    /// Whether friction moves along its limit.
+    fn at_limit(&self) -> bool {
+        self.along != Vector3::zeros()
     }
 }
 
@@ -129,7 +155,7 @@ fn correct(contacts: &mut [Contact], coupling: &Coupling, law: &Law) -> (usize, 
     let (mut residual, mut blocks) = (Vec::with_capacity(n), Vec::with_capacity(n));
     let [start, size] = function(contacts, coupling, law, |gradient, own| {
         let block = Block::new(&contacts[blocks.len()], &gradient, &own, law);
-        residual.push(-(block.free * gradient));
+        residual.push(-block.free(gradient));
         blocks.push(block);
     });
     let each = |f: &dyn Fn(usize) -> Vector3| -> Vec<Vector3> { (0..n).map(f).collect() };
@@ -144,8 +170,8 @@ fn correct(contacts: &mut [Contact], coupling: &Coupling, law: &Law) -> (usize, 
     while passes < (4 * n + 8).min(LONGEST) && rho > enough {
         passes += 1;
         let answer = each(&|c| {
-            let (moved, own) = coupling.row(c, |other| direction[other]);
-            blocks[c].free * (moved + (own + blocks[c].slope) * direction[c])
+            let moved = coupling.product(c, |other| direction[other]);
+            blocks[c].free(moved + blocks[c].product(&direction[c]))
         });
         let curvature = dot(&direction, &answer);
         if curvature.is_nan() || curvature <= 0.0 {
@@ -174,7 +200,7 @@ fn correct(contacts: &mut [Contact], coupling: &Coupling, law: &Law) -> (usize, 
     // And farther than that friction that sticks would exceed its limit.
     let slips = |c: usize| {
         let limit = contacts[c].limit;
-        if blocks[c].free.trace() != 3.0 || limit == f64::INFINITY || limit < matters {
+        if !blocks[c].sticks || limit == f64::INFINITY || limit < matters {
             return f64::INFINITY;
         }
         let [f, s] = [&before[c], &step[c]].map(|v| Vector2::new(v.y, v.z));
@@ -192,7 +218,7 @@ fn correct(contacts: &mut [Contact], coupling: &Coupling, law: &Law) -> (usize, 
                 contact.force.x = contact.force.x.max(KEPT * faint(before[c].x, law));
             }
             let tangential = contact.tangential();
-            if tangential > contact.limit || blocks[c].free.trace() == 2.0 {
+            if tangential > contact.limit || blocks[c].at_limit() {
                 let back = contact.limit / tangential;
                 contact.force.y *= back;
                 contact.force.z *= back;
