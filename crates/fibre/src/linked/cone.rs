@@ -165,8 +165,14 @@ impl Coupling {
     }
 }
 
-/// Finds the forces; returns how many sweeps over the contacts that took. None if sweeps with exact cones do not find them and a
-/// shorter step may help (`shorter`).
+/// What finding the forces took: sweeps over the contacts, and whether limits had to follow the repulsions.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Found {
+    pub sweeps: usize,
+    pub followed: bool,
+}
+
+/// Finds the forces. None if sweeps with exact cones do not find them and a shorter step may help (`shorter`).
 ///
 /// First as if whatever rubs sticks: that is a smooth convex problem. What then exceeds the static limit slides; without kinetic
 /// friction the rest is solved for again until nothing more exceeds it, as in scheme A. With it, limits that follow the repulsions go on from
@@ -176,7 +182,7 @@ pub(super) fn solve(
     coupling: &Coupling,
     law: &Law,
     shorter: bool,
-) -> Option<usize> {
+) -> Option<Found> {
     let [at_rest, sliding] = law.friction;
     for c in contacts.iter_mut() {
         c.limit = match c.rubs && at_rest > 0.0 {
@@ -184,9 +190,9 @@ pub(super) fn solve(
             false => 0.0,
         };
     }
-    let mut sweeps = 0;
+    let mut found = Found::default();
     loop {
-        sweeps += newton::minimise(contacts, coupling, law);
+        found.sweeps += newton::minimise(contacts, coupling, law);
         let mut more = false;
         for c in contacts.iter_mut().filter(|c| c.rubs && !c.slides) {
             c.slides = c.tangential() > at_rest * c.force.x;
@@ -196,10 +202,13 @@ pub(super) fn solve(
             }
         }
         if !more {
-            return Some(sweeps);
+            return Some(found);
         }
         if sliding > 0.0 {
-            return Some(sweeps + in_cones(contacts, coupling, law, shorter)?);
+            let more = in_cones(contacts, coupling, law, shorter)?;
+            found.sweeps += more.sweeps;
+            found.followed = more.followed;
+            return Some(found);
         }
     }
 }
@@ -211,22 +220,23 @@ fn in_cones(
     coupling: &Coupling,
     law: &Law,
     shorter: bool,
-) -> Option<usize> {
+) -> Option<Found> {
     let [at_rest, sliding] = law.friction;
     contacts.iter_mut().for_each(|c| c.slides = false);
-    let mut sweeps = 0;
+    let mut found = Found::default();
     loop {
         let before: Vec<Vector3> = contacts.iter().map(|c| c.force).collect();
-        let (cones, found) = sweep_cones(contacts, coupling, law);
-        sweeps += cones;
-        if !found && shorter {
+        let (sweeps, converged) = sweep_cones(contacts, coupling, law);
+        found.sweeps += sweeps;
+        if !converged && shorter {
             return None;
         }
-        if !found {
+        if !converged {
+            found.followed = true;
             for (c, force) in contacts.iter_mut().zip(before) {
                 c.force = force;
             }
-            sweeps += follow(contacts, coupling, law);
+            found.sweeps += follow(contacts, coupling, law);
         }
         let mut more = false;
         for c in contacts.iter_mut().filter(|c| c.rubs && !c.slides) {
@@ -234,7 +244,7 @@ fn in_cones(
             more |= c.slides;
         }
         if !more || at_rest == sliding {
-            return Some(sweeps);
+            return Some(found);
         }
     }
 }

@@ -52,6 +52,8 @@ impl LinkedSystem {
     ) -> Result<(), FibreError> {
         let (start, mut done) = (self.time, 0.0);
         self.counts = Counts::default();
+        // After one sub-step in which shortening did not help, it is not tried again in this step.
+        let mut followed = false;
         while done < step {
             let left = step - done;
             // A sliver at the end is shared with the step before it.
@@ -60,7 +62,8 @@ impl LinkedSystem {
                 n if n < 2.0 => 0.5 * left,
                 _ => self.trial,
             };
-            let drift = self.attempt(flow, part, part > SHORTER * step);
+            let shorter = part > SHORTER * step && !followed;
+            let drift = self.attempt(flow, part, shorter, &mut followed);
             self.counts.steps += 1;
             if part > SHORTEST * step && !within(drift, DRIFT) {
                 // Joints part by the square of the step.
@@ -86,8 +89,8 @@ impl LinkedSystem {
     }
 
     /// Solves for the motion in a step, without moving; by how many radii joints part in it. That is infinite where friction is not
-    /// found and a shorter step may help (`shorter`).
-    fn attempt(&mut self, flow: Around<'_>, step: f64, shorter: bool) -> f64 {
+    /// found and a shorter step may help (`shorter`). Says if limits of friction `followed`.
+    fn attempt(&mut self, flow: Around<'_>, step: f64, shorter: bool, followed: &mut bool) -> f64 {
         let mut work = std::mem::take(&mut self.implicit.work);
         self.foresee(flow, step, &mut work);
         let mut contacts = self.contacts(&work, step);
@@ -102,11 +105,12 @@ impl LinkedSystem {
                 friction: self.settings.friction,
                 step,
             };
-            let Some(sweeps) = cone::solve(&mut contacts, &coupling, &law, shorter) else {
+            let Some(found) = cone::solve(&mut contacts, &coupling, &law, shorter) else {
                 self.implicit.work = work;
                 return f64::INFINITY;
             };
-            self.counts.sweeps += sweeps;
+            self.counts.sweeps += found.sweeps;
+            *followed |= found.followed;
             for c in &contacts {
                 let force = c.directions * c.force;
                 let sides = &c.segments[..c.sides()];
