@@ -12,6 +12,7 @@ mod grips;
 mod groups;
 mod implicit;
 mod joints;
+mod limits;
 mod mobility;
 mod newton;
 mod observe;
