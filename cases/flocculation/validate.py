@@ -48,6 +48,10 @@ def run(member, seed, strain, out):
         settings = {"time.end": strain, "fibres.0.placement.seed": seed} | MEMBERS[member][1]
         start = time.time()
         summary = harness.fibreflow(HERE / "case.toml", settings, out=out)
+        # A run that is stopped from outside ends without an error.
+        reached = pd.read_csv(series).time.iloc[-1]
+        if reached < strain * (1 - 1e-9):
+            sys.exit(f"{out}: stopped at a strain of {reached:g}")
         done.write_text(f"{time.time() - start:.0f} {summary['fibres']['seconds_per_segment_step']:.3e}")
     return pd.read_csv(series), *map(float, done.read_text().split())
 

@@ -4,8 +4,8 @@
 //! Locally a contact has the directions d₀ = −n, d₁, d₂; with the force Σ f_k d_k on a and its opposite on b, the conjugate
 //! velocities w_k = d_k·Δu are G f + w_free, and w₀ is the rate at which the gap opens. G couples the contacts of a fibre.
 
-use super::newton;
 use super::touch::across;
+use super::{limits, newton};
 use crate::{Matrix3, Vector3};
 use nalgebra::{Matrix2, Vector2};
 
@@ -17,8 +17,12 @@ const LOCAL: f64 = 1e-9;
 pub(super) const LEAST: f64 = 1e-9;
 /// Turns of repulsion and friction in a contact that slides.
 const TURNS: usize = 20;
-/// Sweeps after which the forces are taken as they are.
+/// Sweeps with exact cones after which the forces are taken as they are.
 const MOST: usize = 200;
+/// Where they still change by this much, limits follow the repulsions instead.
+const LOST: f64 = 1e-2;
+/// By how much less than its limit friction counts as all of it.
+const BESIDE: f64 = 1e-9;
 
 /// What a contact is, by its index among those of its kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,6 +56,8 @@ pub(super) struct Contact {
     pub rubs: bool,
     /// Exceeded the static limit.
     pub slides: bool,
+    /// Most that its friction can be \[N\]; infinite where it sticks in any case.
+    pub limit: f64,
 }
 
 impl Contact {
@@ -66,6 +72,21 @@ impl Contact {
     /// Whether a grip holds.
     pub fn grips(&self) -> bool {
         matches!(self.source, Source::Grip(_))
+    }
+
+    /// Size of the friction \[N\].
+    pub fn tangential(&self) -> f64 {
+        self.force.y.hypot(self.force.z)
+    }
+
+    /// Coefficient that it has now.
+    pub fn friction(&self, law: &Law) -> f64 {
+        law.friction[usize::from(self.slides)]
+    }
+
+    /// Whether its friction is all that it can be.
+    pub fn at_limit(&self) -> bool {
+        self.tangential() >= self.limit * (1.0 - BESIDE)
     }
 
     /// The plane of contact.
@@ -118,68 +139,127 @@ impl Coupling {
         }
         (moved, own)
     }
+
+    /// Sum over all contacts.
+    #[inline(always)]
+    pub fn product(&self, c: usize, force: impl Fn(usize) -> Vector3) -> Vector3 {
+        let [first, second] = self.place[c];
+        let sides = if first == second { 1 } else { 2 };
+        let mut moved = Vector3::zeros();
+        for (fibre, place) in [first, second].into_iter().take(sides) {
+            let sides = self.starts[fibre as usize]..self.starts[fibre as usize + 1];
+            let first = self.block_starts[fibre as usize] + place as usize * sides.len();
+            for (block, &other) in self.blocks[first..].iter().zip(&self.contact[sides]) {
+                moved += block * force(other as usize);
+            }
+        }
+        moved
+    }
 }
 
-/// Finds the forces; returns how many sweeps over the contacts that took.
+/// What finding the forces took: sweeps over the contacts, and whether limits had to follow the repulsions.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Found {
+    pub sweeps: usize,
+    pub followed: bool,
+}
+
+/// Finds the forces. None if sweeps with exact cones do not find them and a shorter step may help (`shorter`).
 ///
-/// First as if whatever rubs sticks, by Newton's method: that is a smooth convex problem. What then exceeds the static limit
-/// slides; without kinetic friction the rest is solved for again until nothing more exceeds it, as in scheme A. With it, sweeps with
-/// the exact cone go on from there.
-pub(super) fn solve(contacts: &mut [Contact], coupling: &Coupling, law: &Law) -> usize {
+/// First as if whatever rubs sticks: that is a smooth convex problem. What then exceeds the static limit slides; without kinetic
+/// friction the rest is solved for again until nothing more exceeds it, as in scheme A. With it, limits that follow the repulsions go on from
+/// there.
+pub(super) fn solve(
+    contacts: &mut [Contact],
+    coupling: &Coupling,
+    law: &Law,
+    shorter: bool,
+) -> Option<Found> {
     let [at_rest, sliding] = law.friction;
-    let mut sweeps = 0;
+    for c in contacts.iter_mut() {
+        c.limit = match c.rubs && at_rest > 0.0 {
+            true => f64::INFINITY,
+            false => 0.0,
+        };
+    }
+    let mut found = Found::default();
     loop {
-        sweeps += newton::stick(contacts, coupling, law);
+        found.sweeps += newton::minimise(contacts, coupling, law);
         let mut more = false;
         for c in contacts.iter_mut().filter(|c| c.rubs && !c.slides) {
-            c.slides = c.force.y.hypot(c.force.z) > at_rest * c.force.x;
+            c.slides = c.tangential() > at_rest * c.force.x;
             more |= c.slides;
+            if c.slides {
+                c.limit = 0.0;
+            }
         }
         if !more {
-            return sweeps;
+            return Some(found);
         }
         if sliding > 0.0 {
-            contacts.iter_mut().for_each(|c| c.slides = false);
-            return sweeps + in_cones(contacts, coupling, law);
+            let more = in_cones(contacts, coupling, law, shorter)?;
+            found.sweeps += more.sweeps;
+            found.followed = more.followed;
+            return Some(found);
         }
     }
 }
 
-/// Sweeps with the exact cone until the forces no longer change: first with the static one for all. Then what has reached the limit
-/// slides with the kinetic coefficient, until no more does.
-fn in_cones(contacts: &mut [Contact], coupling: &Coupling, law: &Law) -> usize {
+/// Coulomb's cones: first the static one for all; then what has reached its limit slides with the kinetic coefficient, until no more
+/// does.
+fn in_cones(
+    contacts: &mut [Contact],
+    coupling: &Coupling,
+    law: &Law,
+    shorter: bool,
+) -> Option<Found> {
     let [at_rest, sliding] = law.friction;
-    let mut sweeps = 0;
+    contacts.iter_mut().for_each(|c| c.slides = false);
+    let mut found = Found::default();
     loop {
-        for _ in 0..MOST {
-            sweeps += 1;
-            let limit = |c: &Contact| match (c.rubs, c.slides) {
-                (false, _) => 0.0,
-                (true, false) => at_rest,
-                (true, true) => sliding,
-            };
-            if sweep(contacts, coupling, law, limit) <= TOLERANCE {
-                break;
+        let before: Vec<Vector3> = contacts.iter().map(|c| c.force).collect();
+        let (sweeps, converged) = sweep_cones(contacts, coupling, law);
+        found.sweeps += sweeps;
+        if !converged && shorter {
+            return None;
+        }
+        if !converged {
+            found.followed = true;
+            for (c, force) in contacts.iter_mut().zip(before) {
+                c.force = force;
             }
+            found.sweeps += limits::follow(contacts, coupling, law);
         }
         let mut more = false;
         for c in contacts.iter_mut().filter(|c| c.rubs && !c.slides) {
-            let tangential = c.force.y.hypot(c.force.z);
-            c.slides = tangential >= at_rest * c.force.x * (1.0 - 1e-9);
+            c.slides = c.tangential() >= at_rest * c.force.x * (1.0 - BESIDE);
             more |= c.slides;
         }
         if !more || at_rest == sliding {
-            return sweeps;
+            return Some(found);
         }
     }
 }
 
-/// One sweep over the contacts with the coefficient that each has; the relative change of the forces.
+/// Sweeps with the exact cones until the forces no longer change; how many, and whether they came near that. Wide cones of contacts that
+/// depend on each other can drive each other without end.
+fn sweep_cones(contacts: &mut [Contact], coupling: &Coupling, law: &Law) -> (usize, bool) {
+    let mut change = f64::INFINITY;
+    for sweeps in 1..=MOST {
+        change = sweep(contacts, coupling, law, true);
+        if change <= TOLERANCE || !change.is_finite() {
+            return (sweeps, change.is_finite());
+        }
+    }
+    (MOST, change <= LOST)
+}
+
+/// One sweep over the contacts, in their cones or with the limits that they have; the relative change of the forces.
 pub(super) fn sweep(
     contacts: &mut [Contact],
     coupling: &Coupling,
     law: &Law,
-    friction: impl Fn(&Contact) -> f64,
+    in_cone: bool,
 ) -> f64 {
     let (mut change, mut size) = (0.0, 0.0);
     for c in 0..contacts.len() {
@@ -189,7 +269,7 @@ pub(super) fn sweep(
         let force = if contact.grips() {
             Vector3::new(-free.x / (own[(0, 0)] + LEAST * own.trace()), 0.0, 0.0)
         } else {
-            local(contact, &free, &own, friction(contact), law)
+            local(contact, &free, &own, law, in_cone)
         };
         change += (force - contact.force).norm_squared();
         size += force.norm_squared();
@@ -199,8 +279,8 @@ pub(super) fn sweep(
 }
 
 /// Force of one contact whose velocities are `others` + `own` f. Where it sticks, repulsion and friction are found together;
-/// where it slides, in turns.
-fn local(contact: &Contact, others: &Vector3, own: &Matrix3, friction: f64, law: &Law) -> Vector3 {
+/// where it slides, in turns. Friction is limited by the cone or by the contact's own limit.
+fn local(contact: &Contact, others: &Vector3, own: &Matrix3, law: &Law, in_cone: bool) -> Vector3 {
     // Two places of one fibre can be all but rigid to each other.
     let least = LEAST * own.trace();
     let at_rest = |open: f64, own: f64| {
@@ -210,7 +290,16 @@ fn local(contact: &Contact, others: &Vector3, own: &Matrix3, friction: f64, law:
             law,
         )
     };
-    if friction == 0.0 {
+    let friction = if contact.rubs {
+        contact.friction(law)
+    } else {
+        0.0
+    };
+    let limit = |normal: f64| match in_cone {
+        true => friction * normal,
+        false => contact.limit,
+    };
+    if limit(1.0) == 0.0 {
         return Vector3::new(at_rest(others.x, own[(0, 0)]), 0.0, 0.0);
     }
     let plane = own.fixed_view::<2, 2>(1, 1).into_owned();
@@ -222,7 +311,7 @@ fn local(contact: &Contact, others: &Vector3, own: &Matrix3, friction: f64, law:
         let open = others.x - mixed.dot(&free);
         let normal = at_rest(open, own[(0, 0)] - mixed.dot(&answer));
         let held = -free - answer * normal;
-        if held.norm() <= friction * normal {
+        if held.norm() <= limit(normal) {
             return Vector3::new(normal, held.x, held.y);
         }
     }
@@ -231,7 +320,7 @@ fn local(contact: &Contact, others: &Vector3, own: &Matrix3, friction: f64, law:
         let open = others.x + mixed.x * force.y + mixed.y * force.z;
         let normal = at_rest(open, own[(0, 0)]);
         let slip = slip + mixed * normal;
-        let held = sliding(&slip, &plane, friction * normal, least);
+        let held = sliding(&slip, &plane, limit(normal), least);
         let next = Vector3::new(normal, held.x, held.y);
         let change = (next - force).norm_squared();
         force = next;
@@ -315,6 +404,7 @@ mod tests {
             force: Vector3::zeros(),
             rubs: true,
             slides: false,
+            limit: 0.0,
         }
     }
 
@@ -340,8 +430,12 @@ mod tests {
         {
             let others = Vector3::new(-6.0, 0.6 * speed, -0.8 * speed);
             let mut c = contact(0.05);
+            let law = Law {
+                friction: [friction; 2],
+                ..law()
+            };
             for _ in 0..300 {
-                c.force = local(&c, &others, &own, friction, &law());
+                c.force = local(&c, &others, &own, &law, true);
             }
             let w = others + own * c.force;
             let normal = 150.0 * (-(0.05 + 1e-2 * w.x) / 0.05).exp();

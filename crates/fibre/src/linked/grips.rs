@@ -123,26 +123,18 @@ pub(super) fn solve(
     chains: &[Chain],
     segments: &[Segment],
     offsets: &[usize],
-    drift: f64,
 ) {
     let chain = |grip: &Grip| segments[grip.segment as usize].chain;
     let mut fibres: Vec<&mut [Grip]> = grips.chunk_by_mut(|a, b| chain(a) == chain(b)).collect();
     fibres.par_iter_mut().with_min_len(16).for_each(|own| {
         let f = chain(&own[0]) as usize;
         let (first, end) = (offsets[f], offsets[f + 1]);
-        fibre(own, about, &chains[f], first, &segments[first..end], drift);
+        fibre(own, about, &chains[f], first, &segments[first..end]);
     });
 }
 
 /// The forces on one fibre, whose first segment is number `first`.
-fn fibre(
-    grips: &mut [Grip],
-    about: &Grips,
-    chain: &Chain,
-    first: usize,
-    segments: &[Segment],
-    drift: f64,
-) {
+fn fibre(grips: &mut [Grip], about: &Grips, chain: &Chain, first: usize, segments: &[Segment]) {
     let own = |grip: &Grip| grip.segment as usize - first;
     let mut work = Workspace::default();
     let speeds = |grips: &[Grip], segments: &[Segment]| -> DVector<f64> {
@@ -156,7 +148,7 @@ fn fibre(
         )
     };
     let mut free = segments.to_vec();
-    hold(chain, &mut free, drift, &mut work);
+    hold(chain, &mut free, &mut work);
     let missing = DVector::from_iterator(
         grips.len(),
         grips.iter().map(|g| about.speed_of(g.plane as usize)),
@@ -168,7 +160,7 @@ fn fibre(
             (s.velocity, s.spin) = (Vector3::zeros(), Vector3::zeros());
         }
         push(&about.axis, grip, 1.0, chain, &mut moved[own(grip)]);
-        hold(chain, &mut moved, 0.0, &mut work);
+        hold(chain, &mut moved, &mut work);
         answers.set_column(k, &speeds(grips, &moved));
     }
     // A taut fibre between both planes would need boundless forces: the small ones on the diagonal bound them.

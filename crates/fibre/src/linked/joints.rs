@@ -77,11 +77,11 @@ pub(super) struct Workspace {
 }
 
 /// Forces in the joints of a chain whose segments move with the free velocities and spins that they hold (S 2.90), and the
-/// motion with them. `drift` is the rate at which pins give back what they have strayed \[1/s\].
-pub(super) fn hold(chain: &Chain, segments: &mut [Segment], drift: f64, work: &mut Workspace) {
+/// motion with them.
+pub(super) fn hold(chain: &Chain, segments: &mut [Segment], work: &mut Workspace) {
     match chain.joint {
         Joint::Ball => balls(chain, segments, work),
-        Joint::Pin => pins(chain, segments, drift, work),
+        Joint::Pin => pins(chain, segments, work),
     }
     push(chain, segments);
 }
@@ -143,12 +143,12 @@ fn balls(chain: &Chain, segments: &mut [Segment], work: &mut Workspace) {
 
 /// Direction about which the pin before a segment does not turn: across the hinge (the body z axis of the segment before)
 /// and the segment (S 2.40).
-fn locked(before: &Segment, after: &Segment) -> (Vector3, Vector3) {
+fn locked(before: &Segment, after: &Segment) -> Vector3 {
     let hinge = before.frame * Vector3::z();
-    (hinge, hinge.cross(&after.axis).normalize())
+    hinge.cross(&after.axis).normalize()
 }
 
-fn pins(chain: &Chain, segments: &mut [Segment], drift: f64, work: &mut Workspace) {
+fn pins(chain: &Chain, segments: &mut [Segment], work: &mut Workspace) {
     work.pin.clear();
     let (l, mobility) = (chain.half_length, chain.mobility);
     // Torques are measured in units of force times half a segment.
@@ -156,7 +156,7 @@ fn pins(chain: &Chain, segments: &mut [Segment], drift: f64, work: &mut Workspac
     let mut before: Option<Vector3> = None;
     for i in 0..segments.len() - 1 {
         let (a, b) = (&segments[i], &segments[i + 1]);
-        let (hinge, e) = locked(a, b);
+        let e = locked(a, b);
         let [own_a, other_a] = answers(chain, &a.axis);
         let [own_b, other_b] = answers(chain, &b.axis);
         let (turn_a, turn_b) = (swing(a, &e), swing(b, &e));
@@ -175,18 +175,16 @@ fn pins(chain: &Chain, segments: &mut [Segment], drift: f64, work: &mut Workspac
             row.lower = low;
         }
         if let Some(after) = segments.get(i + 2) {
-            let (_, later) = locked(b, after);
+            let later = locked(b, after);
             let up = beside(b, &other_b, &turn_b, &swing(b, &later), &e, l).transpose();
             row.upper = up;
         }
-        let strayed = hinge.dot(&b.axis);
-        // e·(ω_a − ω_b) turns the segment out of the plane at the rate |hinge × axis|.
+        // e·(ω_a − ω_b) turns the segment out of the plane at the rate |hinge × axis|; what is second order in a step is taken back after it.
         let rate = e.dot(&(a.spin - b.spin)) * l;
         let right = -parting(chain, segments, i);
-        let back = strayed * drift * l / hinge.cross(&b.axis).norm();
         work.pin.push((
             row,
-            SVector::<f64, 4>::new(right.x, right.y, right.z, -rate - back),
+            SVector::<f64, 4>::new(right.x, right.y, right.z, -rate),
         ));
         before = Some(e);
     }
@@ -195,7 +193,7 @@ fn pins(chain: &Chain, segments: &mut [Segment], drift: f64, work: &mut Workspac
     });
     let mut earlier = segments[0];
     for (segment, (_, x)) in segments[1..].iter_mut().zip(&work.pin) {
-        let (_, e) = locked(&earlier, segment);
+        let e = locked(&earlier, segment);
         segment.joint_force = x.fixed_rows::<3>(0).into_owned();
         segment.pin_torque = e * (x[3] * l);
         earlier = *segment;

@@ -7,6 +7,7 @@
 use super::cone::{self, Contact, Coupling, Law, Source};
 use super::grips::Grips;
 use super::implicit::{Unknown, Work, assemble, solve};
+use super::pins;
 use super::system::{Chain, LinkedSystem, Segment, each};
 use super::touch::Touch;
 use super::walls::Press;
@@ -18,6 +19,8 @@ use rayon::prelude::*;
 const DRIFT: f64 = 0.05;
 /// The shortest sub-step by the step.
 const SHORTEST: f64 = 1.0 / 4096.0;
+/// Part of the step above which friction that is not found asks for a shorter sub-step.
+const SHORTER: f64 = 2e-3;
 /// Gap by decay length from which deeper pairs are pushed apart in a step: fibres that overlap at the start come apart in several.
 const DEEPEST: f64 = -12.0;
 /// Part of what a gripped point has strayed from its plane that a step takes back.
@@ -49,6 +52,8 @@ impl LinkedSystem {
     ) -> Result<(), FibreError> {
         let (start, mut done) = (self.time, 0.0);
         self.counts = Counts::default();
+        // After one sub-step in which shortening did not help, it is not tried again in this step.
+        let mut followed = false;
         while done < step {
             let left = step - done;
             // A sliver at the end is shared with the step before it.
@@ -57,7 +62,8 @@ impl LinkedSystem {
                 n if n < 2.0 => 0.5 * left,
                 _ => self.trial,
             };
-            let drift = self.attempt(flow, part);
+            let shorter = part > SHORTER * step && !followed;
+            let drift = self.attempt(flow, part, shorter, &mut followed);
             self.counts.steps += 1;
             if part > SHORTEST * step && !within(drift, DRIFT) {
                 // Joints part by the square of the step.
@@ -82,8 +88,9 @@ impl LinkedSystem {
         Ok(())
     }
 
-    /// Solves for the motion in a step, without moving; by how many radii joints part in it.
-    fn attempt(&mut self, flow: Around<'_>, step: f64) -> f64 {
+    /// Solves for the motion in a step, without moving; by how many radii joints part in it. That is infinite where friction is not
+    /// found and a shorter step may help (`shorter`). Says if limits of friction `followed`.
+    fn attempt(&mut self, flow: Around<'_>, step: f64, shorter: bool, followed: &mut bool) -> f64 {
         let mut work = std::mem::take(&mut self.implicit.work);
         self.foresee(flow, step, &mut work);
         let mut contacts = self.contacts(&work, step);
@@ -98,7 +105,12 @@ impl LinkedSystem {
                 friction: self.settings.friction,
                 step,
             };
-            self.counts.sweeps += cone::solve(&mut contacts, &coupling, &law);
+            let Some(found) = cone::solve(&mut contacts, &coupling, &law, shorter) else {
+                self.implicit.work = work;
+                return f64::INFINITY;
+            };
+            self.counts.sweeps += found.sweeps;
+            *followed |= found.followed;
             for c in &contacts {
                 let force = c.directions * c.force;
                 let sides = &c.segments[..c.sides()];
@@ -226,6 +238,7 @@ impl LinkedSystem {
                 force: Vector3::x() * push,
                 rubs: false,
                 slides: false,
+                limit: 0.0,
             })
         };
         walls.presses.iter().enumerate().filter_map(contact)
@@ -252,6 +265,7 @@ impl LinkedSystem {
                     force: Vector3::x() * grip.force,
                     rubs: false,
                     slides: false,
+                    limit: 0.0,
                 }
             })
         };
@@ -297,6 +311,7 @@ impl LinkedSystem {
                 force,
                 rubs: touch.gap + step * free.x.min(0.0) < law.contact_gap,
                 slides: false,
+                limit: 0.0,
             })
         };
         let touches = self.touches.par_iter().enumerate().with_min_len(128);
@@ -319,6 +334,7 @@ impl LinkedSystem {
             }
             chain.rate = rate / segments.len() as f64;
             chain.centre += chain.rate * step;
+            pins::fit(chain, segments);
         });
         self.implicit.work = work;
         self.regrow();

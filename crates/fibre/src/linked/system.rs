@@ -6,6 +6,7 @@ use super::grips::{self, Grip};
 use super::groups::Groups;
 use super::joints::{Strain, Workspace, hold, push};
 use super::mobility::Mobility;
+use super::pins;
 use super::settings::{LinkedScheme, LinkedSettings};
 use super::step::{Counts, Scratch};
 use super::touch::{Neighbours, Touch};
@@ -61,8 +62,6 @@ pub(super) struct Segment {
 
 /// Segments below which a loop over fibres is not divided between threads.
 const GRAIN: usize = 512;
-/// Part of what pins have strayed that a step takes back.
-const BACK: f64 = 0.1;
 /// A pin must lie in its plane to this at the start.
 const IN_PLANE: f64 = 1e-6;
 
@@ -139,6 +138,9 @@ impl LinkedSystem {
                 });
             }
         }
+        each(&mut system.chains, &mut system.segments, &|chain, s| {
+            pins::fit(chain, s);
+        });
         system.regrow();
         system.find_touches()?;
         if let Some(grips) = &system.settings.grips {
@@ -207,7 +209,7 @@ impl LinkedSystem {
             sweeps: 0,
         };
         self.move_freely(flow);
-        self.solve(step);
+        self.solve();
         self.integrate(step);
         let speed = self.walls.next_speed(&self.walls.presses, step);
         self.walls.advance(speed, step);
@@ -259,13 +261,12 @@ impl LinkedSystem {
     }
 
     /// Friction with the forces of joints and grips of the step before, then these with that friction (S 2.9.2).
-    fn solve(&mut self, step: f64) {
-        let drift = BACK / step;
+    fn solve(&mut self) {
         if self.last_step == 0.0 {
             // There is no step before: joint forces without friction.
             let mut trial = self.segments.clone();
             each(&mut self.chains, &mut trial, &|chain, segments| {
-                hold(chain, segments, drift, &mut Workspace::default());
+                hold(chain, segments, &mut Workspace::default());
             });
             for (s, t) in self.segments.iter_mut().zip(&trial) {
                 (s.joint_force, s.pin_torque) = (t.joint_force, t.pin_torque);
@@ -293,18 +294,11 @@ impl LinkedSystem {
         }
         if let Some(about) = &self.settings.grips {
             let (chains, segments) = (&self.chains, &self.segments);
-            grips::solve(
-                &mut self.grips,
-                about,
-                chains,
-                segments,
-                &self.offsets,
-                drift,
-            );
+            grips::solve(&mut self.grips, about, chains, segments, &self.offsets);
             grips::load(&about.axis, &self.grips, chains, &mut self.segments);
         }
         each(&mut self.chains, &mut self.segments, &|chain, segments| {
-            hold(chain, segments, drift, &mut Workspace::default());
+            hold(chain, segments, &mut Workspace::default());
         });
     }
 
@@ -319,13 +313,14 @@ impl LinkedSystem {
             let rate = sum / segments.len() as f64;
             chain.centre += (rate * (1.0 + ratio) - chain.rate * ratio) * step;
             chain.rate = rate;
-            for s in segments {
+            for s in segments.iter_mut() {
                 let q = s.frame.into_inner();
                 let rate = Parameters::from_imag(s.spin) * q * 0.5;
                 let moved = q + (rate * (1.0 + ratio) - s.rate * ratio) * step;
                 s.frame = Quaternion::new_normalize(moved);
                 s.rate = rate;
             }
+            pins::fit(chain, segments);
         });
         self.regrow();
     }
