@@ -2,7 +2,7 @@
 //!
 //! The exact ∫∇N_a·∇N_b smooths a wave along each direction by (2 + cos kh)/3 in the other two. A consistent mass does the same to the
 //! rate of change, so that it cancels; one correction of the lumped mass gives back part of it only, and waves of four
-//! nodes in all directions decay at 0.61 of their rate on hexahedra, 0.83 on prisms (1.3 on tetrahedra, whose pairs on a cube are two-point).
+//! nodes in all directions decay at 0.61 of their rate on hexahedra, 0.80 on prisms (1.3 on tetrahedra, whose pairs on a cube are two-point).
 //! The rule of the vertices has no such smoothing; between the two lies an energy of the hourglass modes alone, of which [`SHARE`] is added.
 //! Modes are taken orthogonal to linear fields, for which nothing changes (Flanagan & Belytschko 1981).
 
