@@ -51,12 +51,15 @@ OPENFOAM = pd.read_csv(HERE / "reference" / "openfoam_48.csv", comment="#")
 BULK = np.trapezoid(MEAN.U_plus, MEAN.y_over_h)
 
 
-def run(options, name):
+def discretisation(name):
     n, order, courant = MEMBERS[name]
-    case = HERE / "case.toml"
     settings = {"mesh.cells": f"[{n}, {n}, {n}]", "fluid.order": order, "time.cfl": courant}
-    if name in KINDS:
-        settings |= KINDS[name] | {"fluid.poisson.tolerance": 1e-4}
+    return settings | (KINDS[name] | {"fluid.poisson.tolerance": 1e-4} if name in KINDS else {})
+
+
+def run(options, name):
+    n = MEMBERS[name][0]
+    case, settings = HERE / "case.toml", discretisation(name)
     if n <= 48:
         settings |= {"time.end": 21.6, "output.statistics.from": 6.0}
     else:
@@ -71,8 +74,7 @@ def run(options, name):
 
 
 def measure_cost(options, name):
-    n, order, courant = MEMBERS[name]
-    settings = {"mesh.cells": f"[{n}, {n}, {n}]", "fluid.order": order, "time.cfl": courant, "output.statistics.from": 0}
+    settings = discretisation(name) | {"output.statistics.from": 0}
     environ = os.environ | {"RAYON_NUM_THREADS": str(options.threads)}
     with tempfile.TemporaryDirectory() as out:
         command = [options.program, "run", HERE / "case.toml", "--out", out, "--steps", 40]
