@@ -13,8 +13,6 @@ pub(super) struct Pairs {
     pub border: Vec<bool>,
     /// Diffusive weight w of every entry \[m\].
     weights: Vec<f64>,
-    /// The same of viscosity \[m\].
-    viscous: Vec<f64>,
 }
 
 impl Pairs {
@@ -31,9 +29,6 @@ impl Pairs {
             geometry: Arc::clone(geometry),
             border,
             weights: geometry.faces.iter().map(|f| f[3]).collect(),
-            viscous: (0..geometry.faces.len())
-                .map(|e| geometry.viscous_weight(e))
-                .collect(),
         }
     }
 
@@ -76,9 +71,13 @@ impl Pairs {
         out: (&mut [A], &mut [B]),
         finish: &(impl Fn(usize, [f64; 4], [f64; 4], [f64; 4], &mut A, &mut B) + Sync),
     ) {
+        let viscous = match self.geometry.viscous.as_slice() {
+            [] => &self.weights[..],
+            viscous => viscous,
+        };
         self.each(part, out, |i, a, b| {
             let range = self.geometry.row(i);
-            let (flux, weights) = (&flux[range.clone()], &self.viscous[range.clone()]);
+            let (flux, weights) = (&flux[range.clone()], &viscous[range.clone()]);
             let own = u[i];
             let (mut convection, mut diffusion) = ([0.0; 4], [0.0; 4]);
             let columns = &self.geometry.columns[range];
