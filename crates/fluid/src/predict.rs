@@ -74,6 +74,8 @@ pub(crate) struct Momentum {
     /// Total: u^k − u^(k−1) where diffusion is implicit, or before its mass is corrected; in a projection what the old
     /// pressure adds to the convecting velocity \[m/s\].
     pub(crate) increment: Vec<[f64; 4]>,
+    /// Total: by how much the implicit increment differs from the one before it, in the correction of its mass \[m/s\].
+    change: Vec<[f64; 4]>,
 }
 
 impl Momentum {
@@ -82,15 +84,13 @@ impl Momentum {
         geometry: &Arc<DualGeometry>,
         boundary: &Boundary,
     ) -> Result<Self, FluidError> {
-        let rows = |i: usize| {
-            let weight = |e: usize| (geometry.columns[e], geometry.viscous_weight(e));
-            geometry.row(i).map(weight)
-        };
-        let matrix = PairMatrix::from_rows(&mesh.halo, rows, &boundary.velocity_fixed, None);
-        let matrix = matrix.map_err(|source| FluidError::Solve {
-            equation: "momentum",
-            source,
-        })?;
+        let matrix =
+            PairMatrix::new(mesh, geometry, &boundary.velocity_fixed, None).map_err(|source| {
+                FluidError::Solve {
+                    equation: "momentum",
+                    source,
+                }
+            })?;
         let (owned, total) = (vec![[0.0; 4]; mesh.owned()], vec![[0.0; 4]; mesh.total()]);
         Ok(Self {
             jacobi: Jacobi::new(&matrix),
@@ -101,6 +101,7 @@ impl Momentum {
             rate: owned,
             next: total.clone(),
             increment: total,
+            change: Vec::new(),
         })
     }
 }

@@ -58,8 +58,8 @@ pub enum Diffusion {
 /// it is the dual volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Mass {
-    /// The consistent mass of the elements, by one explicit correction, in the steps in which that is stable: Courant
-    /// numbers up to 1.23.
+    /// The consistent mass of the elements, by two explicit corrections, in the steps in which that is stable: Courant
+    /// numbers up to 1.10.
     #[default]
     Corrected,
     /// The dual volume: less work, larger errors of dispersion.

@@ -95,9 +95,6 @@ pub struct DualGeometry {
     /// Mass couplings m_ij = ∫N_i N_j \[m³\], m_ij = m_ji bitwise: Σ_j m_ij = V_i with the node itself and its images.
     /// Empty where pairs are two-point. In single precision: Σ_j m_ij (x_i − x_j) conserves whatever their last digits.
     pub masses: Vec<f32>,
-    /// Weights of viscosity \[m\], symmetric bitwise: w and, on hexahedra and prisms, more for fields that are not linear in an element.
-    /// Empty where pairs are two-point: w.
-    pub viscous: Vec<f64>,
     /// x_j + shift − x_i \[m\].
     pub displacements: Vec<[f64; 3]>,
     /// Dual volumes \[m³\] of owned and halo nodes.
@@ -127,11 +124,5 @@ impl DualGeometry {
     /// Entry range of row i.
     pub fn row(&self, i: usize) -> std::ops::Range<usize> {
         self.offsets[i] as usize..self.offsets[i + 1] as usize
-    }
-
-    /// Weight of viscosity of an entry \[m\].
-    pub fn viscous_weight(&self, entry: usize) -> f64 {
-        let weight = self.viscous.get(entry);
-        weight.copied().unwrap_or(self.faces[entry][3])
     }
 }

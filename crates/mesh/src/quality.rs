@@ -317,7 +317,6 @@ mod tests {
                 [0.0, 1e-3, 0.0, 1.0],
             ],
             masses: Vec::new(),
-            viscous: Vec::new(),
             displacements: vec![[3.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]],
             volumes: vec![1.0],
             boundary: Vec::new(),

@@ -204,15 +204,13 @@ impl Operators {
         });
     }
 
-    /// V L u of one row; `u` is valid.
+    /// Σ_j w_ij (u_j − u_i) of one row; `u` is valid.
     pub fn diffusion_row(&self, u: &[[f64; 4]], i: usize) -> [f64; 4] {
+        let range = self.geometry.row(i);
         let mut sum = [0.0; 4];
-        for e in self.geometry.row(i) {
-            let (j, w) = (
-                self.geometry.columns[e] as usize,
-                self.geometry.viscous_weight(e),
-            );
-            (0..4).for_each(|c| sum[c] += w * (u[j][c] - u[i][c]));
+        let faces = &self.geometry.faces[range.clone()];
+        for (&j, s) in self.geometry.columns[range].iter().zip(faces) {
+            (0..4).for_each(|c| sum[c] += s[3] * (u[j as usize][c] - u[i][c]));
         }
         sum
     }
@@ -342,13 +340,6 @@ impl Operators {
     pub fn weight_sums(&self, value: impl Fn(f64) -> f64) -> Vec<f64> {
         let row = |i| self.geometry.faces[self.geometry.row(i)].iter();
         let sum = |i| row(i).map(|s| value(s[3])).sum();
-        (0..self.halo.owned()).map(sum).collect()
-    }
-
-    /// The same of the weights of viscosity.
-    pub fn viscous_sums(&self, value: impl Fn(f64) -> f64) -> Vec<f64> {
-        let weight = |e| self.geometry.viscous_weight(e);
-        let sum = |i| self.geometry.row(i).map(weight).map(&value).sum();
         (0..self.halo.owned()).map(sum).collect()
     }
 }

@@ -71,13 +71,9 @@ impl Pairs {
         out: (&mut [A], &mut [B]),
         finish: &(impl Fn(usize, [f64; 4], [f64; 4], [f64; 4], &mut A, &mut B) + Sync),
     ) {
-        let viscous = match self.geometry.viscous.as_slice() {
-            [] => &self.weights[..],
-            viscous => viscous,
-        };
         self.each(part, out, |i, a, b| {
             let range = self.geometry.row(i);
-            let (flux, weights) = (&flux[range.clone()], &viscous[range.clone()]);
+            let (flux, weights) = (&flux[range.clone()], &self.weights[range.clone()]);
             let own = u[i];
             let (mut convection, mut diffusion) = ([0.0; 4], [0.0; 4]);
             let columns = &self.geometry.columns[range];

@@ -22,8 +22,8 @@ impl Fluid {
         }
     }
 
-    /// Solves (V − ½ α Δt ν V L) δ = rhs, L along lines or the whole, once more with the lumping error of the answer where mass is corrected, and
-    /// adds δ to the velocity (owned entries).
+    /// Solves (V − ½ α Δt ν V L) δ = rhs, L along lines or the whole, twice more with lumping errors where mass is corrected
+    /// ([`super::mass`]), and adds δ to the velocity (owned entries).
     pub(super) fn implicit_part(
         &mut self,
         step: &SubStep,
@@ -35,10 +35,16 @@ impl Fluid {
         self.lift_shift(coefficient, diffusion);
         let mut iterations = self.viscous_solve(coefficient, diffusion, settings)?;
         if self.correcting {
-            self.correct_right_side();
-            // Zero at given nodes, as what is solved for.
-            self.boundary.put_zero(&mut self.momentum.increment);
-            iterations += self.viscous_solve(coefficient, diffusion, settings)?;
+            let Momentum {
+                increment, change, ..
+            } = &mut self.momentum;
+            change.clone_from(increment);
+            iterations += self.solve_again(coefficient, diffusion, settings)?;
+            let increment = &self.momentum.increment;
+            rows::each(&mut self.momentum.change, |i, change| {
+                *change = std::array::from_fn(|c| increment[i][c] - change[c]);
+            });
+            iterations += self.solve_again(coefficient, diffusion, settings)?;
         }
         self.close_balance(coefficient, diffusion);
         self.book_shift();
@@ -48,6 +54,19 @@ impl Fluid {
             (0..3).for_each(|c| u[c] += increment[i][c]);
         });
         Ok(iterations)
+    }
+
+    /// The next of the increments with corrected mass.
+    fn solve_again(
+        &mut self,
+        coefficient: f64,
+        diffusion: &DiffusionChoice,
+        settings: &CgSettings,
+    ) -> Result<usize, FluidError> {
+        self.correct_right_side();
+        // Zero at given nodes, as what is solved for.
+        self.boundary.put_zero(&mut self.momentum.increment);
+        self.viscous_solve(coefficient, diffusion, settings)
     }
 
     /// Changes of given velocities into the right-hand side; the increment becomes zero.

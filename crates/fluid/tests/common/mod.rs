@@ -65,7 +65,7 @@ pub fn errors(fluid: &Fluid, exact: impl Fn([f64; 3]) -> [f64; 3]) -> [f64; 2] {
     [(square / volume).sqrt(), largest]
 }
 
-/// What skew convection conserves \[J\]: ½ ρ uᵀB⁻¹u with the map B = (I + A)V⁻¹, A = V⁻¹(V − M), from forces to rates
+/// What skew convection conserves \[J\]: ½ ρ uᵀB⁻¹u with the map B = (I + A + A²)V⁻¹, A = V⁻¹(V − M), from forces to rates
 /// of velocity. Where mass is lumped that is the kinetic energy.
 pub fn conserved_energy(fluid: &Fluid) -> f64 {
     let (geometry, u) = (fluid.geometry(), fluid.velocity());
@@ -73,18 +73,26 @@ pub fn conserved_energy(fluid: &Fluid) -> f64 {
         return fluid.kinetic_energy();
     }
     let volumes = &geometry.volumes;
-    // B⁻¹u = V y with (I + A) y = u, 1 ≤ I + A ≤ 2.
-    let mut y = u.to_vec();
-    for _ in 0..40 {
-        let old = y.clone();
-        for (i, y) in y.iter_mut().enumerate() {
-            for c in 0..3 {
+    let lumped = |x: &[[f64; 4]]| -> Vec<[f64; 4]> {
+        let row = |i: usize| {
+            std::array::from_fn(|c| {
                 let share = |e: usize| {
                     let j = geometry.columns[e] as usize;
-                    f64::from(geometry.masses[e]) * (old[i][c] - old[j][c])
+                    f64::from(geometry.masses[e]) * (x[i][c] - x[j][c])
                 };
-                let error = geometry.row(i).map(share).sum::<f64>() / volumes[i];
-                y[c] += (u[i][c] - old[i][c] - error) / 1.5;
+                geometry.row(i).map(share).sum::<f64>() / volumes[i]
+            })
+        };
+        (0..x.len()).map(row).collect()
+    };
+    // B⁻¹u = V y with (I + A + A²) y = u, 1 ≤ I + A + A² ≤ 3.
+    let mut y = u.to_vec();
+    for _ in 0..60 {
+        let first = lumped(&y);
+        let second = lumped(&first);
+        for i in 0..y.len() {
+            for c in 0..3 {
+                y[i][c] += 0.5 * (u[i][c] - y[i][c] - first[i][c] - second[i][c]);
             }
         }
     }

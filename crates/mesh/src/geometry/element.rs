@@ -1,6 +1,5 @@
 //! What one element gives to its pairs of vertices, volumes and faces.
 
-use super::stiffening;
 use crate::jacobian::smallest_jacobian;
 use crate::shape::{self, cofactors, cross, dot, minus};
 use crate::{BoundaryFace, ElementKind, Periods};
@@ -129,8 +128,6 @@ pub(super) struct Shares {
     pub faces: Vec<[f64; 4]>,
     /// ∫N_a N_b of every pair in the Galerkin form, else none \[m³\].
     pub masses: Vec<f64>,
-    /// What viscosity has beyond w of every pair in the Galerkin form, else none \[m\].
-    pub stiffening: Vec<f64>,
     /// Volume of every vertex \[m³\].
     pub volumes: Vec<f64>,
 }
@@ -152,8 +149,6 @@ pub(super) fn galerkin(
     shares.faces.resize(pairs, [0.0; 4]);
     shares.masses.resize(pairs, 0.0);
     shares.volumes.resize(first_volume + vertices, 0.0);
-    shares.stiffening.resize(pairs, 0.0);
-    stiffening::add(kind, &x, &mut shares.stiffening[first..]);
     let (faces, masses) = (&mut shares.faces[first..], &mut shares.masses[first..]);
     let volumes = &mut shares.volumes[first_volume..];
     for point in &RULES[kind as usize] {

@@ -10,7 +10,6 @@
 mod element;
 mod flux;
 mod rows;
-mod stiffening;
 mod tensor;
 
 pub use flux::{FluxRule, face_pairs};
@@ -50,7 +49,6 @@ pub fn dual(mesh: &LocalMesh) -> Result<DualGeometry, MeshError> {
         images: rows.images,
         faces: rows.faces,
         masses: rows.masses,
-        viscous: rows.viscous,
         displacements: rows.displacements,
         total_volume: communicator.sum(volume),
         volumes,

@@ -20,7 +20,6 @@ pub(super) struct Rows {
     pub images: Vec<Image>,
     pub faces: Vec<[f64; 4]>,
     pub masses: Vec<f32>,
-    pub viscous: Vec<f64>,
     pub displacements: Vec<[f64; 3]>,
     pub volumes: Vec<f64>,
     pub self_pairs: Vec<(u32, Image, [f64; 4])>,
@@ -46,17 +45,15 @@ impl Rows {
             return Err(*first);
         }
         let entries = blocks.iter().flatten().map(|b| b.columns.len()).sum();
-        let galerkin = match form {
-            Form::TwoPoint => 0,
-            Form::Galerkin => entries,
-        };
         let mut all = Self {
             offsets: Vec::with_capacity(owned + 1),
             columns: Vec::with_capacity(entries),
             images: Vec::with_capacity(entries),
             faces: Vec::with_capacity(entries),
-            masses: Vec::with_capacity(galerkin),
-            viscous: Vec::with_capacity(galerkin),
+            masses: Vec::with_capacity(match form {
+                Form::TwoPoint => 0,
+                Form::Galerkin => entries,
+            }),
             displacements: Vec::with_capacity(entries),
             volumes: Vec::with_capacity(mesh.total()),
             self_pairs: Vec::new(),
@@ -70,7 +67,6 @@ impl Rows {
             all.images.append(&mut block.images);
             all.faces.append(&mut block.faces);
             all.masses.append(&mut block.masses);
-            all.viscous.append(&mut block.viscous);
             all.displacements.append(&mut block.displacements);
             all.volumes.append(&mut block.volumes);
             all.self_pairs.append(&mut block.self_pairs);
@@ -228,11 +224,10 @@ impl<'a> Assembly<'a> {
         for group in terms.chunk_by(|a, b| a.0 == b.0) {
             let (key, _, j, _) = group[0];
             let image = Image::from_code((key & 31) as u8).unwrap_or(Image::ZERO);
-            let (mut face, mut mass, mut stiffening) = ([0.0; 4], 0.0, 0.0);
+            let (mut face, mut mass) = ([0.0; 4], 0.0);
             for &(_, place, _, backwards) in group {
                 let share = shares.given.faces[place as usize];
                 mass += shares.given.masses.get(place as usize).unwrap_or(&0.0);
-                stiffening += shares.given.stiffening.get(place as usize).unwrap_or(&0.0);
                 let sign = if backwards { -1.0 } else { 1.0 };
                 (0..3).for_each(|c| face[c] += sign * share[c]);
                 face[3] += share[3];
@@ -250,7 +245,6 @@ impl<'a> Assembly<'a> {
                 block.faces.push(face);
                 if self.form == Form::Galerkin {
                     block.masses.push(mass as f32);
-                    block.viscous.push(face[3] + stiffening);
                 }
                 block.displacements.push(d);
             }

@@ -59,7 +59,6 @@ pub fn fourth(mesh: &LocalMesh) -> Result<DualGeometry, MeshError> {
         images: Vec::new(),
         faces: Vec::new(),
         masses: Vec::new(),
-        viscous: Vec::new(),
         displacements: Vec::new(),
         self_pairs: Vec::new(),
         orthogonal: true,
