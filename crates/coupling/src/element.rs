@@ -94,7 +94,7 @@ impl Coupling {
         }
         let beyond = target.beyond;
         let nodes = self.mesh.nodes.iter().zip(&self.nodal);
-        let moment = |(x, force): (&[f64; 3], &Lanes)| {
+        let moment = |(x, force): (&[f64; 3], &[f64; 4])| {
             Vector3::from(*x).cross(&Vector3::new(force[0], force[1], force[2]))
         };
         let torque = beyond + by_parts(nodes.map(moment));
@@ -121,24 +121,25 @@ fn flow(locator: &Locator, fields: &Fields<'_>, location: &Location, kept: &mut 
     if cell.element != Some(element) {
         cell.take(locator, fields, element);
     }
-    let rows = locator.inverse_jacobian(element, r, bent);
+    let slopes = locator.slopes(element, r, bent);
     let jet = cell.velocity.jet(r);
-    let column = |c: usize| -> Lanes {
-        std::array::from_fn(|l| {
-            let [a, b, c] = [0, 1, 2].map(|k| (rows[k][c], jet.along[k][l]));
-            c.0.mul_add(c.1, b.0.mul_add(b.1, a.0 * a.1))
-        })
-    };
     let change = if fields.change.is_some() {
         cell.change.value(r)
     } else {
-        [0.0; 4]
+        Lanes::ZERO
     };
     Flow {
         velocity: jet.value,
-        gradient: [column(0), column(1), column(2)],
+        gradient: slopes.map(|slope| along(slope, jet.along)),
         change,
     }
+}
+
+/// Σ_k s_k v_k over the first three.
+#[inline(always)]
+fn along([r, s, t, _]: [f64; 4], v: [Lanes; 3]) -> Lanes {
+    let [r, s, t] = [r, s, t].map(Lanes::splat);
+    t.mul_add(v[2], s.mul_add(v[1], r * v[0]))
 }
 
 impl Cell {
@@ -146,9 +147,9 @@ impl Cell {
     fn take(&mut self, locator: &Locator, fields: &Fields<'_>, element: usize) {
         self.element = Some(element);
         let (kind, nodes) = (locator.kind(element), locator.nodes(element));
-        self.velocity = Polynomial::new(kind, |v| fields.velocity[nodes[v] as usize]);
+        self.velocity = Polynomial::new(kind, |v| fields.velocity[nodes[v] as usize].into());
         if let Some(change) = fields.change {
-            self.change = Polynomial::new(kind, |v| change[nodes[v] as usize]);
+            self.change = Polynomial::new(kind, |v| change[nodes[v] as usize].into());
         }
     }
 }
@@ -240,7 +241,7 @@ struct Run {
 struct Target<'a> {
     mesh: &'a LocalMesh,
     locator: &'a Locator,
-    nodal: &'a mut [Lanes],
+    nodal: &'a mut [[f64; 4]],
     /// Torque for that nodes and points are other images than those at the coordinates of the nodes.
     beyond: Vector3<f64>,
 }
@@ -281,7 +282,7 @@ impl Target<'_> {
         let nodes = &self.locator.nodes(run.element)[..vertices];
         for (&node, push) in nodes.iter().zip(&pushes) {
             let target = &mut self.nodal[node as usize];
-            (0..4).for_each(|l| target[l] += push[l]);
+            *target = (Lanes::from(*target) + *push).to_array();
         }
         if run.shift != [0; 3] || self.locator.wraps(run.element) {
             self.add_beyond(run, &pushes);
@@ -290,7 +291,7 @@ impl Target<'_> {
 
     fn add_beyond(&mut self, run: &Run, pushes: &[Lanes; 8]) {
         let lattice = self.locator.lattice();
-        let vector = |push: &Lanes| Vector3::new(push[0], push[1], push[2]);
+        let vector = |push: &Lanes| Vector3::from_row_slice(&push.to_array()[..3]);
         let away = |shift: Shift| lattice.image(&Vector3::zeros(), shift);
         let force = pushes.iter().map(vector).sum::<Vector3<f64>>();
         self.beyond += away(run.shift.map(|s| -s)).cross(&force);
@@ -331,8 +332,8 @@ fn gather(
             });
         }
         if let Some(run) = &mut run {
-            let rows = locator.inverse_jacobian(element, load.reference, &mut bent);
-            let (force, along) = by_reference(&load, rows);
+            let slopes = locator.slopes(element, load.reference, &mut bent);
+            let (force, along) = by_reference(&load, &slopes);
             run.moments.add(force, along, load.reference);
         }
     }
@@ -342,22 +343,16 @@ fn gather(
 
 /// F and ½ T × ∇r_k.
 #[inline(always)]
-fn by_reference(load: &Load, rows: [[f64; 3]; 3]) -> (Lanes, [Lanes; 3]) {
+fn by_reference(load: &Load, slopes: &[[f64; 4]; 3]) -> (Lanes, [Lanes; 3]) {
     let ([fx, fy, fz], [tx, ty, tz]) = (load.force, load.torque.map(|t| 0.5 * t));
     // ½ T × e_c
     let turned = [
         [0.0, tz, -ty, 0.0],
         [-tz, 0.0, tx, 0.0],
         [ty, -tx, 0.0, 0.0],
-    ];
-    let along = |row: [f64; 3]| -> Lanes {
-        std::array::from_fn(|l| {
-            let [a, b, c] = [0, 1, 2].map(|c| (row[c], turned[c][l]));
-            c.0.mul_add(c.1, b.0.mul_add(b.1, a.0 * a.1))
-        })
-    };
-    (
-        [fx, fy, fz, 0.0],
-        [along(rows[0]), along(rows[1]), along(rows[2])],
-    )
+    ]
+    .map(Lanes::from);
+    let [x, y, z] = slopes;
+    let turning = [0, 1, 2].map(|k| along([x[k], y[k], z[k], 0.0], turned));
+    ([fx, fy, fz, 0.0].into(), turning)
 }

@@ -287,18 +287,19 @@ impl Locator {
         self.traits[element].wraps
     }
 
-    /// Gradients \[1/m\] of the three reference coordinates at a reference point of a local element.
+    /// ∂(r, s, t)/∂x_c \[1/m\] for the three c at a reference point of a local element, in the first three of four.
     #[inline(always)]
-    pub fn inverse_jacobian(
+    pub fn slopes(
         &self,
         element: usize,
         reference: [f64; 3],
         bent: &mut Bent,
-    ) -> [[f64; 3]; 3] {
+    ) -> [[f64; 4]; 3] {
         if self.traits[element].linear {
-            self.cells[element].map.inverse_jacobian()
+            *self.cells[element].map.columns()
         } else {
-            bent.of(self, element).inverse_jacobian(reference)
+            let [r, s, t] = bent.of(self, element).inverse_jacobian(reference);
+            [0, 1, 2].map(|c| [r[c], s[c], t[c], 0.0])
         }
     }
 

@@ -42,12 +42,12 @@ impl Flow {
     /// Three lanes of each.
     fn packed(&self) -> [[f64; 3]; 5] {
         let [x, y, z] = self.gradient;
-        [self.velocity, x, y, z, self.change].map(|[a, b, c, _]| [a, b, c])
+        [self.velocity, x, y, z, self.change].map(|v| vector(v).into())
     }
 
     /// The inverse of [`Flow::packed`].
     fn unpacked(packed: [[f64; 3]; 5]) -> Self {
-        let [velocity, x, y, z, change] = packed.map(|[a, b, c]| [a, b, c, 0.0]);
+        let [velocity, x, y, z, change] = packed.map(|[a, b, c]| [a, b, c, 0.0].into());
         Self {
             velocity,
             gradient: [x, y, z],
@@ -57,7 +57,8 @@ impl Flow {
 }
 
 #[inline(always)]
-fn vector([x, y, z, _]: Lanes) -> Vector3<f64> {
+fn vector(lanes: Lanes) -> Vector3<f64> {
+    let [x, y, z, _] = lanes.to_array();
     Vector3::new(x, y, z)
 }
 
@@ -187,8 +188,7 @@ impl Answers<'_> {
         }
         self.velocity[k] = vector(velocity);
         self.change[k] = vector(change);
-        let [x, y, z] = gradient;
-        self.gradient[k] = Matrix3::new(x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]);
+        self.gradient[k] = Matrix3::from_columns(&gradient.map(vector));
     }
 
     #[inline(always)]
