@@ -3,9 +3,10 @@
 use crate::Coupling;
 use crate::CouplingError;
 use crate::coupling::Fields;
+use crate::fetch::runs;
 use crate::lattice::Shift;
 use crate::locate::{Bent, Location, Locator};
-use crate::rendezvous::{Flow, Host, Kept, Motion, Rendezvous};
+use crate::rendezvous::{Flow, Host, Kept, Motion, Rendezvous, Source};
 use crate::spread::Sums;
 use bytemuck::{Pod, Zeroable};
 use fibreflow_fibre::{Ambient, Reaction};
@@ -13,6 +14,7 @@ use fibreflow_mesh::LocalMesh;
 use fibreflow_mesh::jet::{Lanes, Moments, Polynomial};
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Loads among which those in the same element are summed before they go to its nodes.
 const BLOCK: usize = 64;
@@ -55,7 +57,7 @@ impl Coupling {
         let host = Host {
             mesh: &self.mesh,
             locator,
-            flow: |location: &Location, kept: &mut Kept| flow(locator, fields, location, kept),
+            source: Elements { locator, fields },
         };
         self.rendezvous.place(points, motion, &host, ambient)?;
         if fields.change.is_none() && motion.is_none() {
@@ -113,25 +115,41 @@ fn by_parts(mut terms: impl ExactSizeIterator<Item = Vector3<f64>>) -> Vector3<f
     sum
 }
 
-/// The flow at a place of an element.
-#[inline(always)]
-fn flow(locator: &Locator, fields: &Fields<'_>, location: &Location, kept: &mut Kept) -> Flow {
-    let (element, r) = (location.element as usize, location.reference);
-    let Kept { bent, cell } = kept;
-    if cell.element != Some(element) {
-        cell.take(locator, fields, element);
+/// The flow by shape functions.
+struct Elements<'a> {
+    locator: &'a Locator,
+    fields: &'a Fields<'a>,
+}
+
+impl Source for Elements<'_> {
+    #[inline(always)]
+    fn flow(&self, location: &Location, kept: &mut Kept) -> Flow {
+        let Self { locator, fields } = self;
+        let (element, r) = (location.element as usize, location.reference);
+        let Kept { bent, cell } = kept;
+        if cell.element != Some(element) {
+            cell.take(locator, fields, element);
+        }
+        let slopes = locator.slopes(element, r, bent);
+        let jet = cell.velocity.jet(r);
+        let change = if fields.change.is_some() {
+            cell.change.value(r)
+        } else {
+            Lanes::ZERO
+        };
+        Flow {
+            velocity: jet.value,
+            gradient: slopes.map(|slope| along(slope, jet.along)),
+            change,
+        }
     }
-    let slopes = locator.slopes(element, r, bent);
-    let jet = cell.velocity.jet(r);
-    let change = if fields.change.is_some() {
-        cell.change.value(r)
-    } else {
-        Lanes::ZERO
-    };
-    Flow {
-        velocity: jet.value,
-        gradient: slopes.map(|slope| along(slope, jet.along)),
-        change,
+
+    #[inline(always)]
+    fn fetch(&self, element: u32) {
+        self.locator.fetch_nodes(element, self.fields.velocity);
+        if let Some(change) = self.fields.change {
+            self.locator.fetch_nodes(element, change);
+        }
     }
 }
 
@@ -254,7 +272,11 @@ impl Target<'_> {
         let blocks = count.div_ceil(BLOCK);
         if rayon::current_num_threads() == 1 {
             for b in 0..blocks {
-                sums.add(&gather(locator, block(b), loads, |run| self.add(run)));
+                let elements = runs(block(b).map(|k| loads.element(k)));
+                elements.for_each(|e| locator.fetch_nodes(e, self.nodal));
+                sums.add(&gather(locator, block(b), count, loads, |run| {
+                    self.add(run)
+                }));
             }
             return;
         }
@@ -264,7 +286,7 @@ impl Target<'_> {
                 .into_par_iter()
                 .map(|b| {
                     let mut runs = Vec::with_capacity(BLOCK);
-                    let sums = gather(locator, block(b), loads, |run| runs.push(*run));
+                    let sums = gather(locator, block(b), count, loads, |run| runs.push(*run));
                     (sums, runs)
                 })
                 .collect_into_vec(&mut gathered);
@@ -308,12 +330,14 @@ impl Target<'_> {
 #[inline(always)]
 fn gather(
     locator: &Locator,
-    range: std::ops::Range<usize>,
+    range: Range<usize>,
+    count: usize,
     loads: &impl Loads,
     mut done: impl FnMut(&Run),
 ) -> Sums {
     let (mut sums, mut bent) = (Sums::default(), Bent::default());
-    locator.fetch(range.clone().map(|k| loads.element(k)));
+    let ahead = range.end..count.min(range.end + BLOCK);
+    runs(ahead.map(|k| loads.element(k))).for_each(|e| locator.fetch(e, false));
     let mut run: Option<Run> = None;
     for k in range {
         loads.book(k, &mut sums);

@@ -7,6 +7,7 @@
 use crate::adjacency::{Adjacency, stepped};
 use crate::boxes::{Bins, Bounds};
 use crate::closest;
+use crate::fetch::fetch;
 use crate::lattice::{Lattice, Shift};
 use fibreflow_mesh::shape::{self, Map};
 use fibreflow_mesh::{Affine, ElementKind, Image, LocalMesh};
@@ -253,13 +254,25 @@ impl Locator {
             .or_else(|| self.nearest(point))
     }
 
-    /// Brings what is kept of elements into the cache: one after the other points would wait for each.
+    /// Lets what is kept of an element come near, and its neighbours where points may `leave` it.
     #[inline(always)]
-    pub fn fetch(&self, elements: impl Iterator<Item = u32>) {
-        let cells = elements.filter_map(|e| self.cells.get(e as usize));
-        std::hint::black_box(cells.fold(0, |sum, cell| {
-            sum ^ cell.nodes[7] as u64 ^ cell.map.locate([0.0; 3])[0].to_bits()
-        }));
+    pub fn fetch(&self, element: u32, leave: bool) {
+        let element = element as usize;
+        if let Some(cell) = self.cells.get(element) {
+            fetch(&cell.map);
+            fetch(&cell.nodes);
+            if leave {
+                self.adjacency.fetch(element);
+            }
+        }
+    }
+
+    /// Lets what `values` has at the nodes of an element come near.
+    #[inline(always)]
+    pub fn fetch_nodes<T>(&self, element: u32, values: &[T]) {
+        let cell = self.cells.get(element as usize);
+        let nodes = cell.into_iter().flat_map(|cell| &cell.nodes);
+        nodes.for_each(|&node| fetch(&values[node as usize]));
     }
 
     /// Nodes of a local element; zeros where the kind has fewer than eight.
@@ -289,12 +302,7 @@ impl Locator {
 
     /// ∂(r, s, t)/∂x_c \[1/m\] for the three c at a reference point of a local element, in the first three of four.
     #[inline(always)]
-    pub fn slopes(
-        &self,
-        element: usize,
-        reference: [f64; 3],
-        bent: &mut Bent,
-    ) -> [[f64; 4]; 3] {
+    pub fn slopes(&self, element: usize, reference: [f64; 3], bent: &mut Bent) -> [[f64; 4]; 3] {
         if self.traits[element].linear {
             *self.cells[element].map.columns()
         } else {

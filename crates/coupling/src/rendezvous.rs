@@ -3,6 +3,7 @@
 use crate::CouplingError;
 use crate::boxes::Bounds;
 use crate::element::Cell;
+use crate::fetch::runs;
 use crate::lattice::{Lattice, Shift};
 use crate::locate::{Bent, Hint, Location, Locator};
 use bytemuck::{Pod, Zeroable};
@@ -12,6 +13,7 @@ use fibreflow_mesh::jet::Lanes;
 use fibreflow_parallel::Communicator;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Points whose elements are fetched together; questions that one thread answers at least.
 const GRAIN: usize = 64;
@@ -86,14 +88,22 @@ pub(crate) struct Kept {
     pub cell: Cell,
 }
 
-/// The part of the mesh on this rank, and what `flow` says of a place in it.
-pub(crate) struct Host<'a, F> {
-    pub mesh: &'a LocalMesh,
-    pub locator: &'a Locator,
-    pub flow: F,
+/// What a rank knows of the flow in its elements.
+pub(crate) trait Source: Sync {
+    fn flow(&self, location: &Location, kept: &mut Kept) -> Flow;
+
+    /// Lets what is known in an element come near.
+    fn fetch(&self, element: u32);
 }
 
-impl<F: Fn(&Location, &mut Kept) -> Flow + Sync> Host<'_, F> {
+/// The part of the mesh on this rank, and what is known of the flow there.
+pub(crate) struct Host<'a, S> {
+    pub mesh: &'a LocalMesh,
+    pub locator: &'a Locator,
+    pub source: S,
+}
+
+impl<S: Source> Host<'_, S> {
     fn reply(&self, query: &Query, kept: &mut Kept) -> Reply {
         let position = query.position.into();
         let hint = (query.element != UNKNOWN).then_some((query.element, query.shift));
@@ -107,7 +117,7 @@ impl<F: Fn(&Location, &mut Kept) -> Flow + Sync> Host<'_, F> {
             };
         };
         Reply {
-            flow: (self.flow)(&location, kept).packed(),
+            flow: self.source.flow(&location, kept).packed(),
             held: self.locator.held(&position, &location).into(),
             reference: location.reference,
             distance: location.distance,
@@ -123,6 +133,7 @@ impl<F: Fn(&Location, &mut Kept) -> Flow + Sync> Host<'_, F> {
     fn reply_here(&self, part: &mut Part<'_>, own: u32) -> Option<usize> {
         let mut kept = Kept::default();
         let mut near: Hint = (UNKNOWN, [0; 3]);
+        runs_of(part, 0..GRAIN).for_each(|e| self.locator.fetch(e, true));
         for start in (0..part.points.len()).step_by(GRAIN) {
             let block = start..part.points.len().min(start + GRAIN);
             // Not a number as soon as one is not finite.
@@ -131,8 +142,9 @@ impl<F: Fn(&Location, &mut Kept) -> Flow + Sync> Host<'_, F> {
                 let bad = |&k: &usize| !part.points[k].iter().all(|x| x.is_finite());
                 return block.clone().find(bad).map(|k| part.first + k);
             }
-            let places = &part.answers.places[block.clone()];
-            self.locator.fetch(places.iter().map(|place| place.element));
+            // Of this block elements are there by now, and say which nodes they have.
+            runs_of(part, block.end..block.end + GRAIN).for_each(|e| self.locator.fetch(e, true));
+            runs_of(part, block.clone()).for_each(|e| self.source.fetch(e));
             for k in block {
                 let place = &part.answers.places[k];
                 if place.rank != own {
@@ -149,11 +161,18 @@ impl<F: Fn(&Location, &mut Kept) -> Flow + Sync> Host<'_, F> {
                 near = (location.element, location.shift);
                 let held = self.locator.held(point, &location);
                 part.answers.keep(k, own, &location, held);
-                part.answers.put(k, (self.flow)(&location, &mut kept));
+                part.answers.put(k, self.source.flow(&location, &mut kept));
             }
         }
         None
     }
+}
+
+/// Elements where points were last, each once for several in a row.
+fn runs_of(part: &Part<'_>, range: Range<usize>) -> impl Iterator<Item = u32> {
+    let count = part.answers.places.len();
+    let places = &part.answers.places[range.start.min(count)..range.end.min(count)];
+    runs(places.iter().map(|place| place.element))
 }
 
 /// Where points are and what the flow is there, one entry each for every point.
@@ -360,11 +379,11 @@ impl Rendezvous {
 
     /// Places every point and puts what the hosts say of it, or what it meets in its `motion`, into `ambient`. Collective; one round of messages when no
     /// point has left the elements of its host, two otherwise. Points that this rank hosts itself are in none.
-    pub fn place<F: Fn(&Location, &mut Kept) -> Flow + Sync>(
+    pub fn place<S: Source>(
         &mut self,
         points: &[Vector3<f64>],
         motion: Option<Motion<'_>>,
-        host: &Host<'_, F>,
+        host: &Host<'_, S>,
         ambient: &mut Ambient,
     ) -> Result<(), CouplingError> {
         if self.placements.len() != points.len() {
@@ -457,12 +476,12 @@ impl Rendezvous {
     }
 
     /// Second round: all other ranks that may hold something nearer than what the host found, against its own word.
-    fn ask_others<F: Fn(&Location, &mut Kept) -> Flow + Sync>(
+    fn ask_others<S: Source>(
         &mut self,
         points: &[Vector3<f64>],
         open: &[u32],
         motion: Option<Motion<'_>>,
-        host: &Host<'_, F>,
+        host: &Host<'_, S>,
         ambient: &mut Ambient,
     ) {
         let mut asked = Vec::new();
@@ -492,11 +511,11 @@ impl Rendezvous {
     }
 
     /// Sends (point, rank) questions and returns the answers in their order. This rank's own are not sent. Collective.
-    fn ask<F: Fn(&Location, &mut Kept) -> Flow + Sync>(
+    fn ask<S: Source>(
         &self,
         points: &[Vector3<f64>],
         asked: &[(u32, u32)],
-        host: &Host<'_, F>,
+        host: &Host<'_, S>,
     ) -> Vec<Reply> {
         let mut outgoing = vec![Vec::new(); self.communicator.size()];
         for &(k, rank) in asked {
