@@ -1,6 +1,9 @@
 //! Memory that is asked for before it is needed: points lie in elements all over the mesh, and one after the other they
 //! would wait for each.
 
+/// Points whose elements are asked for together.
+pub(crate) const BLOCK: usize = 64;
+
 /// Lets the cache line at `place` come near, where the processor can be asked to; nothing else changes.
 #[inline(always)]
 pub(crate) fn fetch<T>(place: &T) {

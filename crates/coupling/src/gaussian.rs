@@ -15,7 +15,7 @@
 use crate::boxes::{Bins, Bounds};
 use crate::coupling::Fields;
 use crate::lattice::Lattice;
-use crate::locate::Location;
+use crate::locate::Near;
 use crate::rendezvous::{Flow, Host, Kept, Source};
 use crate::spread::Sums;
 use crate::{Coupling, CouplingError, Kernel};
@@ -225,7 +225,7 @@ fn matrix(rows: &[[f64; 3]; 4]) -> Matrix4x3<f64> {
 struct Nowhere;
 
 impl Source for Nowhere {
-    fn flow(&self, _: &Location, _: &mut Kept) -> Flow {
+    fn flow(&self, _: &Near<'_>, _: [f64; 3], _: &mut Kept) -> Flow {
         Flow::default()
     }
 

@@ -85,6 +85,77 @@ struct Cell {
     nodes: [u32; 8],
 }
 
+/// An element of a [`Locator`] with what is asked of it for every point.
+#[derive(Clone, Copy)]
+pub(crate) struct Near<'a> {
+    locator: &'a Locator,
+    pub element: u32,
+    pub shift: Shift,
+    /// What the shift moves points by \[m\].
+    pub away: Vector3<f64>,
+    traits: Traits,
+    cell: &'a Cell,
+}
+
+impl Near<'_> {
+    /// Reference coordinates of a point that is in this element and in no other; None if it is not, or not for this rank
+    /// to say.
+    #[inline(always)]
+    pub fn alone(&self, point: &Vector3<f64>, bent: &mut Bent) -> Option<[f64; 3]> {
+        let Traits {
+            kind,
+            linear,
+            owned,
+            ..
+        } = self.traits;
+        let x = (point + self.away).into();
+        let mut reference = self.cell.map.locate(x);
+        if !linear {
+            if !shape::inside(kind, reference, NEAR) {
+                return None;
+            }
+            let map = bent.of(self.locator, self.element as usize);
+            reference = map.locate_from(x, reference)?;
+        }
+        (owned && shape::inside(kind, reference, -INSIDE)).then_some(reference)
+    }
+
+    /// ∂(r, s, t)/∂x_c \[1/m\] for the three c at a reference point, in the first three of four.
+    #[inline(always)]
+    pub fn slopes(&self, reference: [f64; 3], bent: &mut Bent) -> [[f64; 4]; 3] {
+        if self.traits.linear {
+            return *self.cell.map.columns();
+        }
+        let map = bent.of(self.locator, self.element as usize);
+        let [r, s, t] = map.inverse_jacobian(reference);
+        [0, 1, 2].map(|c| [r[c], s[c], t[c], 0.0])
+    }
+
+    /// Its map is linear: slopes are everywhere the same.
+    #[inline(always)]
+    pub fn is_linear(&self) -> bool {
+        self.traits.linear
+    }
+
+    /// Kind of the element.
+    #[inline(always)]
+    pub fn kind(&self) -> ElementKind {
+        self.traits.kind
+    }
+
+    /// Its nodes; zeros where the kind has fewer than eight.
+    #[inline(always)]
+    pub fn nodes(&self) -> &[u32; 8] {
+        &self.cell.nodes
+    }
+
+    /// A vertex is another image of its node.
+    #[inline(always)]
+    pub fn wraps(&self) -> bool {
+        self.traits.wraps
+    }
+}
+
 /// Finds elements on one rank.
 pub(crate) struct Locator {
     mesh: Arc<LocalMesh>,
@@ -210,35 +281,17 @@ impl Locator {
         }
     }
 
-    /// As [`Locator::find`] where the point is in the element of the hint, and in no other; None if not.
+    /// A local element, and a shift of points there, at hand for many of them; None if there is no such element.
     #[inline(always)]
-    pub fn still(
-        &self,
-        point: &Vector3<f64>,
-        (element, shift): Hint,
-        bent: &mut Bent,
-    ) -> Option<Location> {
-        let element = element as usize;
-        let Traits {
-            kind,
-            linear,
-            owned,
-            ..
-        } = *self.traits.get(element)?;
-        let x = self.lattice.image(point, shift).into();
-        let mut reference = self.cells[element].map.locate(x);
-        if !linear {
-            if !shape::inside(kind, reference, NEAR) {
-                return None;
-            }
-            reference = bent.of(self, element).locate_from(x, reference)?;
-        }
-        let found = Candidate {
+    pub fn near(&self, (element, shift): Hint) -> Option<Near<'_>> {
+        Some(Near {
+            locator: self,
             element,
             shift,
-            reference,
-        };
-        (owned && shape::inside(kind, reference, -INSIDE)).then(|| Location::of(&found, true))
+            away: self.lattice.away(shift),
+            traits: *self.traits.get(element as usize)?,
+            cell: self.cells.get(element as usize)?,
+        })
     }
 
     #[cold]
@@ -292,23 +345,6 @@ impl Locator {
     #[inline(always)]
     pub fn kind(&self, element: usize) -> ElementKind {
         self.traits[element].kind
-    }
-
-    /// True when a vertex of a local element is another image of its node.
-    #[inline(always)]
-    pub fn wraps(&self, element: usize) -> bool {
-        self.traits[element].wraps
-    }
-
-    /// ∂(r, s, t)/∂x_c \[1/m\] for the three c at a reference point of a local element, in the first three of four.
-    #[inline(always)]
-    pub fn slopes(&self, element: usize, reference: [f64; 3], bent: &mut Bent) -> [[f64; 4]; 3] {
-        if self.traits[element].linear {
-            *self.cells[element].map.columns()
-        } else {
-            let [r, s, t] = bent.of(self, element).inverse_jacobian(reference);
-            [0, 1, 2].map(|c| [r[c], s[c], t[c], 0.0])
-        }
     }
 
     /// Where a point is held: at itself, or, out of the domain, at its location \[m\], in the frame of the point.

@@ -173,38 +173,49 @@ impl Moments {
     /// Adds f times the value and g_k times the slopes at reference point `r`.
     #[inline(always)]
     pub fn add(&mut self, f: Lanes, g: [Lanes; 3], r: [f64; 3]) {
-        let m = &mut self.sums;
+        self.add_all(std::iter::once((f, g, r)));
+    }
+
+    /// As [`Moments::add`] for many points, the sums in registers.
+    #[inline(always)]
+    pub fn add_all(&mut self, points: impl Iterator<Item = (Lanes, [Lanes; 3], [f64; 3])>) {
+        let mut m = self.sums;
         match self.kind {
             ElementKind::Hexahedron | ElementKind::Prism => {
-                let p1 = add_scaled(g[0], r[0], f);
-                let p2 = add_scaled(g[1], r[1], f);
-                // Both parts of rs: s (r f + g_r) + r g_s.
-                let p3 = add_scaled(r[0] * g[1], r[1], p1);
-                let up = [
-                    add_scaled(g[2], r[2], f),
-                    add_scaled(r[0] * g[2], r[2], p1),
-                    add_scaled(r[1] * g[2], r[2], p2),
-                    add_scaled(r[0] * r[1] * g[2], r[2], p3),
-                ];
-                for (k, p) in [f, p1, p2, p3].into_iter().enumerate() {
-                    m[k] += p;
-                    m[k + 4] += up[k];
+                for (f, g, r) in points {
+                    let p1 = add_scaled(g[0], r[0], f);
+                    let p2 = add_scaled(g[1], r[1], f);
+                    // Both parts of rs: s (r f + g_r) + r g_s.
+                    let p3 = add_scaled(r[0] * g[1], r[1], p1);
+                    m[0] += f;
+                    m[1] += p1;
+                    m[2] += p2;
+                    m[3] += p3;
+                    m[4] += add_scaled(g[2], r[2], f);
+                    m[5] += add_scaled(r[0] * g[2], r[2], p1);
+                    m[6] += add_scaled(r[1] * g[2], r[2], p2);
+                    m[7] += add_scaled(r[0] * r[1] * g[2], r[2], p3);
                 }
             }
             ElementKind::Tetrahedron => {
-                m[0] += f;
-                for (k, g, r) in [(1, g[0], r[0]), (2, g[1], r[1]), (4, g[2], r[2])] {
-                    m[k] += add_scaled(g, r, f);
+                for (f, g, r) in points {
+                    m[0] += f;
+                    for (k, g, r) in [(1, g[0], r[0]), (2, g[1], r[1]), (4, g[2], r[2])] {
+                        m[k] += add_scaled(g, r, f);
+                    }
                 }
             }
             ElementKind::Pyramid => {
-                let (n, gradient) = (values(self.kind, r), gradients(self.kind, r));
-                for (v, m) in m.iter_mut().enumerate().take(self.kind.vertices()) {
-                    *m = add_scaled(*m, n[v], f);
-                    (0..3).for_each(|k| *m = add_scaled(*m, gradient[v][k], g[k]));
+                for (f, g, r) in points {
+                    let (n, gradient) = (values(self.kind, r), gradients(self.kind, r));
+                    for (v, m) in m.iter_mut().enumerate().take(self.kind.vertices()) {
+                        *m = add_scaled(*m, n[v], f);
+                        (0..3).for_each(|k| *m = add_scaled(*m, gradient[v][k], g[k]));
+                    }
                 }
             }
         }
+        self.sums = m;
     }
 
     /// Σ N_v f + Σ_k g_k ∂N_v/∂r_k over the points, at the vertices. They sum to Σ f.
