@@ -1,5 +1,6 @@
 //! Face neighbours of the elements of one rank, through periodic boundaries too.
 
+use crate::fetch::fetch;
 use crate::lattice::Shift;
 use fibreflow_mesh::{Elements, Image};
 
@@ -66,6 +67,15 @@ impl Adjacency {
         Self {
             offsets,
             neighbours,
+        }
+    }
+
+    /// Lets the neighbours of element `e` come near.
+    #[inline(always)]
+    pub fn fetch(&self, e: usize) {
+        if let [first, .., last] = self.of(e) {
+            fetch(first);
+            fetch(last);
         }
     }
 

@@ -177,11 +177,16 @@ impl Coupling {
 
     /// Points of this rank that the last sample found outside the domain.
     pub fn outside(&self) -> usize {
-        let limit = 1e-6 * self.locator.scale();
+        let limit = self.beyond();
         let points = 0..self.rendezvous.placements.len();
         points
             .filter(|&k| self.rendezvous.distance(k) > limit)
             .count()
+    }
+
+    /// Distance from the domain beyond which points are outside \[m\].
+    pub(crate) fn beyond(&self) -> f64 {
+        1e-6 * self.locator.scale()
     }
 
     /// Typical size of an element \[m\].

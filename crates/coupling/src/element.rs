@@ -3,9 +3,10 @@
 use crate::Coupling;
 use crate::CouplingError;
 use crate::coupling::Fields;
+use crate::fetch::{BLOCK, runs};
 use crate::lattice::Shift;
-use crate::locate::{Bent, Location, Locator};
-use crate::rendezvous::{Flow, Host, Kept, Motion, Rendezvous};
+use crate::locate::{Bent, Hint, Locator, Near};
+use crate::rendezvous::{Flow, Host, Kept, Motion, Rendezvous, Source, vector};
 use crate::spread::Sums;
 use bytemuck::{Pod, Zeroable};
 use fibreflow_fibre::{Ambient, Reaction};
@@ -13,9 +14,7 @@ use fibreflow_mesh::LocalMesh;
 use fibreflow_mesh::jet::{Lanes, Moments, Polynomial};
 use nalgebra::Vector3;
 use rayon::prelude::*;
-
-/// Loads among which those in the same element are summed before they go to its nodes.
-const BLOCK: usize = 64;
+use std::ops::Range;
 
 /// Blocks that threads take at a time, before their nodal forces are added in order.
 const BLOCKS: usize = 64;
@@ -37,7 +36,7 @@ struct Load {
 /// The flow in the element that was asked last.
 #[derive(Default)]
 pub(crate) struct Cell {
-    element: Option<usize>,
+    element: Option<u32>,
     velocity: Polynomial,
     change: Polynomial,
 }
@@ -55,7 +54,7 @@ impl Coupling {
         let host = Host {
             mesh: &self.mesh,
             locator,
-            flow: |location: &Location, kept: &mut Kept| flow(locator, fields, location, kept),
+            source: Elements { locator, fields },
         };
         self.rendezvous.place(points, motion, &host, ambient)?;
         if fields.change.is_none() && motion.is_none() {
@@ -74,6 +73,7 @@ impl Coupling {
             reaction,
             own,
             scale: self.locator.scale(),
+            outside: self.beyond(),
         };
         let mut target = Target {
             mesh: &self.mesh,
@@ -93,62 +93,81 @@ impl Coupling {
             }
         }
         let beyond = target.beyond;
-        let nodes = self.mesh.nodes.iter().zip(&self.nodal);
-        let moment = |(x, force): (&[f64; 3], &Lanes)| {
-            Vector3::from(*x).cross(&Vector3::new(force[0], force[1], force[2]))
-        };
-        let torque = beyond + by_parts(nodes.map(moment));
+        let torque = beyond + torque_of(&self.mesh.nodes, &self.nodal);
         sums.torque += torque;
         sums.torque_defect += torque - sums.torque_given;
         self.mesh.halo.accumulate(&mut self.nodal);
     }
 }
 
-/// Sum of sums over parts, so that round-off does not grow with the number of terms.
-fn by_parts(mut terms: impl ExactSizeIterator<Item = Vector3<f64>>) -> Vector3<f64> {
-    let mut sum = Vector3::zeros();
-    while terms.len() > 0 {
-        sum += terms.by_ref().take(PART).sum::<Vector3<f64>>();
-    }
-    sum
+/// Σ x × f, by parts, so that round-off does not grow with the number of terms.
+fn torque_of(nodes: &[[f64; 3]], forces: &[[f64; 4]]) -> Vector3<f64> {
+    let parts = nodes.chunks(PART).zip(forces.chunks(PART));
+    parts.fold(Vector3::zeros(), |torque, (nodes, forces)| {
+        // Columns x_c f: what is above the diagonal less what is below.
+        let [mut x, mut y, mut z] = [Lanes::ZERO; 3];
+        for (at, force) in nodes.iter().zip(forces) {
+            let force = Lanes::from(*force);
+            x = force.mul_add(Lanes::splat(at[0]), x);
+            y = force.mul_add(Lanes::splat(at[1]), y);
+            z = force.mul_add(Lanes::splat(at[2]), z);
+        }
+        let [x, y, z] = [x, y, z].map(Lanes::to_array);
+        torque + Vector3::new(y[2] - z[1], z[0] - x[2], x[1] - y[0])
+    })
 }
 
-/// The flow at a place of an element.
+/// The flow by shape functions.
+struct Elements<'a> {
+    locator: &'a Locator,
+    fields: &'a Fields<'a>,
+}
+
+impl Source for Elements<'_> {
+    #[inline(always)]
+    fn flow(&self, near: &Near<'_>, r: [f64; 3], kept: &mut Kept) -> Flow {
+        let Kept { bent, cell } = kept;
+        if cell.element != Some(near.element) {
+            cell.take(self.fields, near);
+        }
+        let slopes = near.slopes(r, bent);
+        let jet = cell.velocity.jet(r);
+        let change = if self.fields.change.is_some() {
+            cell.change.value(r)
+        } else {
+            Lanes::ZERO
+        };
+        Flow {
+            velocity: jet.value,
+            gradient: slopes.map(|slope| along(slope, jet.along)),
+            change,
+        }
+    }
+
+    #[inline(always)]
+    fn fetch(&self, element: u32) {
+        self.locator.fetch_nodes(element, self.fields.velocity);
+        if let Some(change) = self.fields.change {
+            self.locator.fetch_nodes(element, change);
+        }
+    }
+}
+
+/// Σ_k s_k v_k over the first three.
 #[inline(always)]
-fn flow(locator: &Locator, fields: &Fields<'_>, location: &Location, kept: &mut Kept) -> Flow {
-    let (element, r) = (location.element as usize, location.reference);
-    let Kept { bent, cell } = kept;
-    if cell.element != Some(element) {
-        cell.take(locator, fields, element);
-    }
-    let rows = locator.inverse_jacobian(element, r, bent);
-    let jet = cell.velocity.jet(r);
-    let column = |c: usize| -> Lanes {
-        std::array::from_fn(|l| {
-            let [a, b, c] = [0, 1, 2].map(|k| (rows[k][c], jet.along[k][l]));
-            c.0.mul_add(c.1, b.0.mul_add(b.1, a.0 * a.1))
-        })
-    };
-    let change = if fields.change.is_some() {
-        cell.change.value(r)
-    } else {
-        [0.0; 4]
-    };
-    Flow {
-        velocity: jet.value,
-        gradient: [column(0), column(1), column(2)],
-        change,
-    }
+fn along([r, s, t, _]: [f64; 4], v: [Lanes; 3]) -> Lanes {
+    let [r, s, t] = [r, s, t].map(Lanes::splat);
+    t.mul_add(v[2], s.mul_add(v[1], r * v[0]))
 }
 
 impl Cell {
     #[inline(always)]
-    fn take(&mut self, locator: &Locator, fields: &Fields<'_>, element: usize) {
-        self.element = Some(element);
-        let (kind, nodes) = (locator.kind(element), locator.nodes(element));
-        self.velocity = Polynomial::new(kind, |v| fields.velocity[nodes[v] as usize]);
+    fn take(&mut self, fields: &Fields<'_>, near: &Near<'_>) {
+        self.element = Some(near.element);
+        let (kind, nodes) = (near.kind(), near.nodes());
+        self.velocity = Polynomial::new(kind, |v| fields.velocity[nodes[v] as usize].into());
         if let Some(change) = fields.change {
-            self.change = Polynomial::new(kind, |v| change[nodes[v] as usize]);
+            self.change = Polynomial::new(kind, |v| change[nodes[v] as usize].into());
         }
     }
 }
@@ -157,8 +176,8 @@ impl Cell {
 trait Loads: Sync {
     fn load(&self, k: usize) -> Load;
 
-    /// Element of a load.
-    fn element(&self, k: usize) -> u32;
+    /// Element of a load, and the shift of its point there.
+    fn hint(&self, k: usize) -> Hint;
 
     /// True for a load that this rank takes itself.
     fn here(&self, k: usize) -> bool;
@@ -174,6 +193,8 @@ struct Given<'a> {
     own: u32,
     /// Size of an element \[m\].
     scale: f64,
+    /// Distance from which points are outside \[m\].
+    outside: f64,
 }
 
 impl Loads for Given<'_> {
@@ -190,8 +211,9 @@ impl Loads for Given<'_> {
     }
 
     #[inline(always)]
-    fn element(&self, k: usize) -> u32 {
-        self.rendezvous.placements[k].element
+    fn hint(&self, k: usize) -> Hint {
+        let place = &self.rendezvous.placements[k];
+        (place.element, place.shift)
     }
 
     #[inline(always)]
@@ -204,6 +226,9 @@ impl Loads for Given<'_> {
         let (force, torque) = (&self.reaction.force[k], &self.reaction.torque[k]);
         sums.give(force, torque, self.scale);
         sums.torque_given += self.rendezvous.held[k].cross(force) + torque;
+        if self.rendezvous.distance(k) > self.outside {
+            sums.outside += 1.0;
+        }
     }
 }
 
@@ -215,8 +240,8 @@ impl Loads for Vec<Load> {
     }
 
     #[inline(always)]
-    fn element(&self, k: usize) -> u32 {
-        self[k].element
+    fn hint(&self, k: usize) -> Hint {
+        (self[k].element, self[k].shift)
     }
 
     #[inline(always)]
@@ -230,9 +255,8 @@ impl Loads for Vec<Load> {
 
 /// Loads in one element, one after the other.
 #[derive(Clone, Copy)]
-struct Run {
-    element: usize,
-    shift: Shift,
+struct Run<'a> {
+    near: Near<'a>,
     moments: Moments,
 }
 
@@ -240,7 +264,7 @@ struct Run {
 struct Target<'a> {
     mesh: &'a LocalMesh,
     locator: &'a Locator,
-    nodal: &'a mut [Lanes],
+    nodal: &'a mut [[f64; 4]],
     /// Torque for that nodes and points are other images than those at the coordinates of the nodes.
     beyond: Vector3<f64>,
 }
@@ -253,17 +277,21 @@ impl Target<'_> {
         let blocks = count.div_ceil(BLOCK);
         if rayon::current_num_threads() == 1 {
             for b in 0..blocks {
-                sums.add(&gather(locator, block(b), loads, |run| self.add(run)));
+                let elements = runs(block(b).map(|k| loads.hint(k).0));
+                elements.for_each(|e| locator.fetch_nodes(e, self.nodal));
+                sums.add(&gather(locator, block(b), count, loads, |run| {
+                    self.add(run)
+                }));
             }
             return;
         }
-        let mut gathered: Vec<(Sums, Vec<Run>)> = Vec::with_capacity(BLOCKS.min(blocks));
+        let mut gathered: Vec<(Sums, Vec<Run<'_>>)> = Vec::with_capacity(BLOCKS.min(blocks));
         for first in (0..blocks).step_by(BLOCKS) {
             (first..blocks.min(first + BLOCKS))
                 .into_par_iter()
                 .map(|b| {
                     let mut runs = Vec::with_capacity(BLOCK);
-                    let sums = gather(locator, block(b), loads, |run| runs.push(*run));
+                    let sums = gather(locator, block(b), count, loads, |run| runs.push(*run));
                     (sums, runs)
                 })
                 .collect_into_vec(&mut gathered);
@@ -275,29 +303,27 @@ impl Target<'_> {
     }
 
     #[inline(always)]
-    fn add(&mut self, run: &Run) {
-        let pushes = run.moments.vertices();
-        let vertices = self.locator.kind(run.element).vertices();
-        let nodes = &self.locator.nodes(run.element)[..vertices];
+    fn add(&mut self, Run { near, moments }: &Run<'_>) {
+        let pushes = moments.vertices();
+        let nodes = &near.nodes()[..near.kind().vertices()];
         for (&node, push) in nodes.iter().zip(&pushes) {
             let target = &mut self.nodal[node as usize];
-            (0..4).for_each(|l| target[l] += push[l]);
+            *target = (Lanes::from(*target) + *push).to_array();
         }
-        if run.shift != [0; 3] || self.locator.wraps(run.element) {
-            self.add_beyond(run, &pushes);
+        if near.shift != [0; 3] || near.wraps() {
+            self.add_beyond(near, &pushes);
         }
     }
 
-    fn add_beyond(&mut self, run: &Run, pushes: &[Lanes; 8]) {
+    fn add_beyond(&mut self, near: &Near<'_>, pushes: &[Lanes; 8]) {
         let lattice = self.locator.lattice();
-        let vector = |push: &Lanes| Vector3::new(push[0], push[1], push[2]);
-        let away = |shift: Shift| lattice.image(&Vector3::zeros(), shift);
-        let force = pushes.iter().map(vector).sum::<Vector3<f64>>();
-        self.beyond += away(run.shift.map(|s| -s)).cross(&force);
-        if self.locator.wraps(run.element) {
-            let images = self.mesh.elements.images(run.element).iter();
+        let force = pushes.iter().copied().sum();
+        self.beyond -= near.away.cross(&vector(force));
+        if near.wraps() {
+            let images = self.mesh.elements.images(near.element as usize).iter();
             for (image, push) in images.zip(pushes) {
-                self.beyond += away(image.shifts().map(i32::from)).cross(&vector(push));
+                let away = lattice.away(image.shifts().map(i32::from));
+                self.beyond += away.cross(&vector(*push));
             }
         }
     }
@@ -305,59 +331,69 @@ impl Target<'_> {
 
 /// Sums loads in the same element: N_i F + ½ T × ∇N_i at its vertices.
 #[inline(always)]
-fn gather(
-    locator: &Locator,
-    range: std::ops::Range<usize>,
+fn gather<'a>(
+    locator: &'a Locator,
+    range: Range<usize>,
+    count: usize,
     loads: &impl Loads,
-    mut done: impl FnMut(&Run),
+    mut done: impl FnMut(&Run<'a>),
 ) -> Sums {
     let (mut sums, mut bent) = (Sums::default(), Bent::default());
-    locator.fetch(range.clone().map(|k| loads.element(k)));
-    let mut run: Option<Run> = None;
-    for k in range {
-        loads.book(k, &mut sums);
-        if !loads.here(k) {
+    let ahead = range.end..count.min(range.end + BLOCK);
+    runs(ahead.map(|k| loads.hint(k).0)).for_each(|e| locator.fetch(e, false));
+    let mut next = range.start;
+    while next < range.end {
+        let (first, hint, here) = (next, loads.hint(next), loads.here(next));
+        while next < range.end && loads.hint(next) == hint && loads.here(next) == here {
+            loads.book(next, &mut sums);
+            next += 1;
+        }
+        let Some(near) = locator.near(hint).filter(|_| here) else {
             continue;
+        };
+        let mut moments = Moments::new(near.kind());
+        let loads = (first..next).map(|k| loads.load(k));
+        if near.is_linear() {
+            let turning = Turning::new(near.slopes([0.0; 3], &mut bent));
+            moments.add_all(loads.map(|load| turning.of(&load)));
+        } else {
+            moments.add_all(loads.map(|load| {
+                let slopes = near.slopes(load.reference, &mut bent);
+                Turning::new(slopes).of(&load)
+            }));
         }
-        let load = loads.load(k);
-        let element = load.element as usize;
-        let goes_on = |run: &Run| run.element == element && run.shift == load.shift;
-        if !run.as_ref().is_some_and(goes_on) {
-            run.iter().for_each(&mut done);
-            run = Some(Run {
-                element,
-                shift: load.shift,
-                moments: Moments::new(locator.kind(element)),
-            });
-        }
-        if let Some(run) = &mut run {
-            let rows = locator.inverse_jacobian(element, load.reference, &mut bent);
-            let (force, along) = by_reference(&load, rows);
-            run.moments.add(force, along, load.reference);
-        }
+        done(&Run { near, moments });
     }
-    run.iter().for_each(done);
     sums
 }
 
-/// F and ½ T × ∇r_k.
-#[inline(always)]
-fn by_reference(load: &Load, rows: [[f64; 3]; 3]) -> (Lanes, [Lanes; 3]) {
-    let ([fx, fy, fz], [tx, ty, tz]) = (load.force, load.torque.map(|t| 0.5 * t));
-    // ½ T × e_c
-    let turned = [
-        [0.0, tz, -ty, 0.0],
-        [-tz, 0.0, tx, 0.0],
-        [ty, -tx, 0.0, 0.0],
-    ];
-    let along = |row: [f64; 3]| -> Lanes {
-        std::array::from_fn(|l| {
-            let [a, b, c] = [0, 1, 2].map(|c| (row[c], turned[c][l]));
-            c.0.mul_add(c.1, b.0.mul_add(b.1, a.0 * a.1))
-        })
-    };
-    (
-        [fx, fy, fz, 0.0],
-        [along(rows[0]), along(rows[1]), along(rows[2])],
-    )
+/// ∇r_k, in the order of the components that a product across takes them in.
+struct Turning {
+    /// y, z, x and z, x, y for the three k.
+    rows: [[Lanes; 2]; 3],
+}
+
+impl Turning {
+    #[inline(always)]
+    fn new([x, y, z]: [[f64; 4]; 3]) -> Self {
+        let orders = |k: usize| {
+            let yzx = Lanes::from([y[k], z[k], x[k], 0.0]);
+            let zxy = Lanes::from([z[k], x[k], y[k], 0.0]);
+            [yzx, zxy]
+        };
+        Self {
+            rows: [orders(0), orders(1), orders(2)],
+        }
+    }
+
+    /// F, ½ T × ∇r_k, and where.
+    #[inline(always)]
+    fn of(&self, load: &Load) -> (Lanes, [Lanes; 3], [f64; 3]) {
+        let ([fx, fy, fz], [x, y, z]) = (load.force, load.torque);
+        let force = Lanes::from([fx, fy, fz, 0.0]);
+        let yzx = 0.5 * Lanes::from([y, z, x, 0.0]);
+        let zxy = 0.5 * Lanes::from([z, x, y, 0.0]);
+        let turned = |k: usize| yzx.mul_sub(self.rows[k][1], zxy * self.rows[k][0]);
+        (force, [turned(0), turned(1), turned(2)], load.reference)
+    }
 }

@@ -15,8 +15,8 @@
 use crate::boxes::{Bins, Bounds};
 use crate::coupling::Fields;
 use crate::lattice::Lattice;
-use crate::locate::Location;
-use crate::rendezvous::{Flow, Host, Kept};
+use crate::locate::Near;
+use crate::rendezvous::{Flow, Host, Kept, Source};
 use crate::spread::Sums;
 use crate::{Coupling, CouplingError, Kernel};
 use bytemuck::{Pod, Zeroable};
@@ -221,6 +221,17 @@ fn matrix(rows: &[[f64; 3]; 4]) -> Matrix4x3<f64> {
     Matrix4x3::from_fn(|i, j| rows[i][j])
 }
 
+/// No flow: it is asked for places alone.
+struct Nowhere;
+
+impl Source for Nowhere {
+    fn flow(&self, _: &Near<'_>, _: [f64; 3], _: &mut Kept) -> Flow {
+        Flow::default()
+    }
+
+    fn fetch(&self, _: u32) {}
+}
+
 impl Coupling {
     /// u and ∇u from the moments of all ranks in reach; points beyond a wall are held at its nearest place.
     pub(crate) fn sample_gaussian(
@@ -288,11 +299,10 @@ impl Coupling {
         points: &[Vector3<f64>],
         ambient: &mut Ambient,
     ) -> Result<(), CouplingError> {
-        let nowhere = Flow::default();
         let host = Host {
             mesh: &self.mesh,
             locator: &self.locator,
-            flow: |_: &Location, _: &mut Kept| nowhere,
+            source: Nowhere,
         };
         self.rendezvous.place(points, None, &host, ambient)?;
         gaussian.sites.clear();

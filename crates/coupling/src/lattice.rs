@@ -54,11 +54,18 @@ impl Lattice {
     }
 
     /// The point moved by whole lattice vectors.
+    #[inline]
     pub fn image(&self, point: &Vector3<f64>, shift: Shift) -> Vector3<f64> {
+        point + self.away(shift)
+    }
+
+    /// So many lattice vectors.
+    #[inline]
+    pub fn away(&self, shift: Shift) -> Vector3<f64> {
         if shift == [0; 3] {
-            return *point;
+            return Vector3::zeros();
         }
-        (0..3).fold(*point, |x, k| x + f64::from(shift[k]) * self.vectors[k])
+        (0..3).map(|k| f64::from(shift[k]) * self.vectors[k]).sum()
     }
 
     /// The shift that brings a point into the cell of the mesh.

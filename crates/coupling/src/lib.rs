@@ -10,6 +10,7 @@ mod coupling;
 mod disturbance;
 mod element;
 mod error;
+mod fetch;
 mod gaussian;
 mod kernel;
 mod lattice;

@@ -7,6 +7,7 @@
 use crate::adjacency::{Adjacency, stepped};
 use crate::boxes::{Bins, Bounds};
 use crate::closest;
+use crate::fetch::fetch;
 use crate::lattice::{Lattice, Shift};
 use fibreflow_mesh::shape::{self, Map};
 use fibreflow_mesh::{Affine, ElementKind, Image, LocalMesh};
@@ -82,6 +83,77 @@ struct Cell {
     /// The map, or its tangent.
     map: Affine,
     nodes: [u32; 8],
+}
+
+/// An element of a [`Locator`] with what is asked of it for every point.
+#[derive(Clone, Copy)]
+pub(crate) struct Near<'a> {
+    locator: &'a Locator,
+    pub element: u32,
+    pub shift: Shift,
+    /// What the shift moves points by \[m\].
+    pub away: Vector3<f64>,
+    traits: Traits,
+    cell: &'a Cell,
+}
+
+impl Near<'_> {
+    /// Reference coordinates of a point that is in this element and in no other; None if it is not, or not for this rank
+    /// to say.
+    #[inline(always)]
+    pub fn alone(&self, point: &Vector3<f64>, bent: &mut Bent) -> Option<[f64; 3]> {
+        let Traits {
+            kind,
+            linear,
+            owned,
+            ..
+        } = self.traits;
+        let x = (point + self.away).into();
+        let mut reference = self.cell.map.locate(x);
+        if !linear {
+            if !shape::inside(kind, reference, NEAR) {
+                return None;
+            }
+            let map = bent.of(self.locator, self.element as usize);
+            reference = map.locate_from(x, reference)?;
+        }
+        (owned && shape::inside(kind, reference, -INSIDE)).then_some(reference)
+    }
+
+    /// ∂(r, s, t)/∂x_c \[1/m\] for the three c at a reference point, in the first three of four.
+    #[inline(always)]
+    pub fn slopes(&self, reference: [f64; 3], bent: &mut Bent) -> [[f64; 4]; 3] {
+        if self.traits.linear {
+            return *self.cell.map.columns();
+        }
+        let map = bent.of(self.locator, self.element as usize);
+        let [r, s, t] = map.inverse_jacobian(reference);
+        [0, 1, 2].map(|c| [r[c], s[c], t[c], 0.0])
+    }
+
+    /// Its map is linear: slopes are everywhere the same.
+    #[inline(always)]
+    pub fn is_linear(&self) -> bool {
+        self.traits.linear
+    }
+
+    /// Kind of the element.
+    #[inline(always)]
+    pub fn kind(&self) -> ElementKind {
+        self.traits.kind
+    }
+
+    /// Its nodes; zeros where the kind has fewer than eight.
+    #[inline(always)]
+    pub fn nodes(&self) -> &[u32; 8] {
+        &self.cell.nodes
+    }
+
+    /// A vertex is another image of its node.
+    #[inline(always)]
+    pub fn wraps(&self) -> bool {
+        self.traits.wraps
+    }
 }
 
 /// Finds elements on one rank.
@@ -209,35 +281,17 @@ impl Locator {
         }
     }
 
-    /// As [`Locator::find`] where the point is in the element of the hint, and in no other; None if not.
+    /// A local element, and a shift of points there, at hand for many of them; None if there is no such element.
     #[inline(always)]
-    pub fn still(
-        &self,
-        point: &Vector3<f64>,
-        (element, shift): Hint,
-        bent: &mut Bent,
-    ) -> Option<Location> {
-        let element = element as usize;
-        let Traits {
-            kind,
-            linear,
-            owned,
-            ..
-        } = *self.traits.get(element)?;
-        let x = self.lattice.image(point, shift).into();
-        let mut reference = self.cells[element].map.locate(x);
-        if !linear {
-            if !shape::inside(kind, reference, NEAR) {
-                return None;
-            }
-            reference = bent.of(self, element).locate_from(x, reference)?;
-        }
-        let found = Candidate {
+    pub fn near(&self, (element, shift): Hint) -> Option<Near<'_>> {
+        Some(Near {
+            locator: self,
             element,
             shift,
-            reference,
-        };
-        (owned && shape::inside(kind, reference, -INSIDE)).then(|| Location::of(&found, true))
+            away: self.lattice.away(shift),
+            traits: *self.traits.get(element as usize)?,
+            cell: self.cells.get(element as usize)?,
+        })
     }
 
     #[cold]
@@ -253,13 +307,25 @@ impl Locator {
             .or_else(|| self.nearest(point))
     }
 
-    /// Brings what is kept of elements into the cache: one after the other points would wait for each.
+    /// Lets what is kept of an element come near, and its neighbours where points may `leave` it.
     #[inline(always)]
-    pub fn fetch(&self, elements: impl Iterator<Item = u32>) {
-        let cells = elements.filter_map(|e| self.cells.get(e as usize));
-        std::hint::black_box(cells.fold(0, |sum, cell| {
-            sum ^ cell.nodes[7] as u64 ^ cell.map.locate([0.0; 3])[0].to_bits()
-        }));
+    pub fn fetch(&self, element: u32, leave: bool) {
+        let element = element as usize;
+        if let Some(cell) = self.cells.get(element) {
+            fetch(&cell.map);
+            fetch(&cell.nodes);
+            if leave {
+                self.adjacency.fetch(element);
+            }
+        }
+    }
+
+    /// Lets what `values` has at the nodes of an element come near.
+    #[inline(always)]
+    pub fn fetch_nodes<T>(&self, element: u32, values: &[T]) {
+        let cell = self.cells.get(element as usize);
+        let nodes = cell.into_iter().flat_map(|cell| &cell.nodes);
+        nodes.for_each(|&node| fetch(&values[node as usize]));
     }
 
     /// Nodes of a local element; zeros where the kind has fewer than eight.
@@ -279,27 +345,6 @@ impl Locator {
     #[inline(always)]
     pub fn kind(&self, element: usize) -> ElementKind {
         self.traits[element].kind
-    }
-
-    /// True when a vertex of a local element is another image of its node.
-    #[inline(always)]
-    pub fn wraps(&self, element: usize) -> bool {
-        self.traits[element].wraps
-    }
-
-    /// Gradients \[1/m\] of the three reference coordinates at a reference point of a local element.
-    #[inline(always)]
-    pub fn inverse_jacobian(
-        &self,
-        element: usize,
-        reference: [f64; 3],
-        bent: &mut Bent,
-    ) -> [[f64; 3]; 3] {
-        if self.traits[element].linear {
-            self.cells[element].map.inverse_jacobian()
-        } else {
-            bent.of(self, element).inverse_jacobian(reference)
-        }
     }
 
     /// Where a point is held: at itself, or, out of the domain, at its location \[m\], in the frame of the point.

@@ -3,8 +3,9 @@
 use crate::CouplingError;
 use crate::boxes::Bounds;
 use crate::element::Cell;
+use crate::fetch::{BLOCK, runs};
 use crate::lattice::{Lattice, Shift};
-use crate::locate::{Bent, Hint, Location, Locator};
+use crate::locate::{Bent, Location, Locator, Near};
 use bytemuck::{Pod, Zeroable};
 use fibreflow_fibre::Ambient;
 use fibreflow_mesh::LocalMesh;
@@ -12,9 +13,10 @@ use fibreflow_mesh::jet::Lanes;
 use fibreflow_parallel::Communicator;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Points whose elements are fetched together; questions that one thread answers at least.
-const GRAIN: usize = 64;
+const GRAIN: usize = BLOCK;
 /// No element is known yet.
 const UNKNOWN: u32 = u32::MAX;
 
@@ -42,12 +44,12 @@ impl Flow {
     /// Three lanes of each.
     fn packed(&self) -> [[f64; 3]; 5] {
         let [x, y, z] = self.gradient;
-        [self.velocity, x, y, z, self.change].map(|[a, b, c, _]| [a, b, c])
+        [self.velocity, x, y, z, self.change].map(|v| vector(v).into())
     }
 
     /// The inverse of [`Flow::packed`].
     fn unpacked(packed: [[f64; 3]; 5]) -> Self {
-        let [velocity, x, y, z, change] = packed.map(|[a, b, c]| [a, b, c, 0.0]);
+        let [velocity, x, y, z, change] = packed.map(|[a, b, c]| [a, b, c, 0.0].into());
         Self {
             velocity,
             gradient: [x, y, z],
@@ -57,7 +59,8 @@ impl Flow {
 }
 
 #[inline(always)]
-fn vector([x, y, z, _]: Lanes) -> Vector3<f64> {
+pub(crate) fn vector(lanes: Lanes) -> Vector3<f64> {
+    let [x, y, z, _] = lanes.to_array();
     Vector3::new(x, y, z)
 }
 
@@ -85,14 +88,22 @@ pub(crate) struct Kept {
     pub cell: Cell,
 }
 
-/// The part of the mesh on this rank, and what `flow` says of a place in it.
-pub(crate) struct Host<'a, F> {
-    pub mesh: &'a LocalMesh,
-    pub locator: &'a Locator,
-    pub flow: F,
+/// What a rank knows of the flow in its elements.
+pub(crate) trait Source: Sync {
+    fn flow(&self, near: &Near<'_>, reference: [f64; 3], kept: &mut Kept) -> Flow;
+
+    /// Lets what is known in an element come near.
+    fn fetch(&self, element: u32);
 }
 
-impl<F: Fn(&Location, &mut Kept) -> Flow + Sync> Host<'_, F> {
+/// The part of the mesh on this rank, and what is known of the flow there.
+pub(crate) struct Host<'a, S> {
+    pub mesh: &'a LocalMesh,
+    pub locator: &'a Locator,
+    pub source: S,
+}
+
+impl<S: Source> Host<'_, S> {
     fn reply(&self, query: &Query, kept: &mut Kept) -> Reply {
         let position = query.position.into();
         let hint = (query.element != UNKNOWN).then_some((query.element, query.shift));
@@ -105,8 +116,10 @@ impl<F: Fn(&Location, &mut Kept) -> Flow + Sync> Host<'_, F> {
                 ..Reply::zeroed()
             };
         };
+        let near = self.locator.near((location.element, location.shift));
+        let flow = near.map(|near| self.source.flow(&near, location.reference, kept));
         Reply {
-            flow: (self.flow)(&location, kept).packed(),
+            flow: flow.unwrap_or_default().packed(),
             held: self.locator.held(&position, &location).into(),
             reference: location.reference,
             distance: location.distance,
@@ -121,38 +134,80 @@ impl<F: Fn(&Location, &mut Kept) -> Flow + Sync> Host<'_, F> {
     /// instead.
     fn reply_here(&self, part: &mut Part<'_>, own: u32) -> Option<usize> {
         let mut kept = Kept::default();
-        let mut near: Hint = (UNKNOWN, [0; 3]);
+        let mut near: Option<Near<'_>> = None;
+        runs_of(part, 0..GRAIN).for_each(|e| self.locator.fetch(e, true));
         for start in (0..part.points.len()).step_by(GRAIN) {
             let block = start..part.points.len().min(start + GRAIN);
-            // Not a number as soon as one is not finite.
-            let zero: Vector3<f64> = part.points[block.clone()].iter().map(|p| 0.0 * p).sum();
-            if !zero.iter().all(|x| x.is_finite()) {
-                let bad = |&k: &usize| !part.points[k].iter().all(|x| x.is_finite());
-                return block.clone().find(bad).map(|k| part.first + k);
-            }
-            let places = &part.answers.places[block.clone()];
-            self.locator.fetch(places.iter().map(|place| place.element));
+            // Of this block elements are there by now, and say which nodes they have.
+            runs_of(part, block.end..block.end + GRAIN).for_each(|e| self.locator.fetch(e, true));
+            runs_of(part, block.clone()).for_each(|e| self.source.fetch(e));
             for k in block {
-                let place = &part.answers.places[k];
-                if place.rank != own {
-                    continue;
+                let point = &part.points[k];
+                let finite = || point.iter().all(|x| x.is_finite());
+                if part.answers.places[k].rank != own {
+                    if finite() {
+                        continue;
+                    }
+                    return Some(part.first + k);
                 }
-                let (point, bent) = (&part.points[k], &mut kept.bent);
-                let last = (place.element != UNKNOWN).then_some((place.element, place.shift));
-                let location = (self.locator.still(point, near, bent))
-                    .or_else(|| self.locator.find(point, last, bent));
-                let Some(location) = location else {
-                    part.answers.nowhere(k);
-                    continue;
-                };
-                near = (location.element, location.shift);
-                let held = self.locator.held(point, &location);
-                part.answers.keep(k, own, &location, held);
-                part.answers.put(k, (self.flow)(&location, &mut kept));
+                let mut alone = |near: &Near<'_>| near.alone(point, &mut kept.bent);
+                let mut reference = near.as_ref().and_then(&mut alone);
+                if reference.is_none() {
+                    // Where the point was last.
+                    let place = &part.answers.places[k];
+                    if let Some(last) = self.locator.near((place.element, place.shift)) {
+                        reference = alone(&last);
+                        near = Some(last);
+                    }
+                }
+                match (&near, reference) {
+                    (Some(near), Some(reference)) => {
+                        part.answers.keep_alone(k, own, near, reference, point);
+                    }
+                    // It is in no element.
+                    _ if !finite() => return Some(part.first + k),
+                    _ => {
+                        let found = self.seek(part, k, own, &mut kept.bent);
+                        reference = found.as_ref().map(|found| found.1);
+                        near = found.map(|found| found.0);
+                    }
+                }
+                if let (Some(near), Some(reference)) = (&near, reference) {
+                    let flow = self.source.flow(near, reference, &mut kept);
+                    part.answers.put(k, flow);
+                }
             }
         }
         None
     }
+
+    /// From where a point was last: where it is now.
+    #[inline(never)]
+    fn seek(
+        &self,
+        part: &mut Part<'_>,
+        k: usize,
+        own: u32,
+        bent: &mut Bent,
+    ) -> Option<(Near<'_>, [f64; 3])> {
+        let (point, place) = (&part.points[k], &part.answers.places[k]);
+        let last = (place.element != UNKNOWN).then_some((place.element, place.shift));
+        let Some(location) = self.locator.find(point, last, bent) else {
+            part.answers.nowhere(k);
+            return None;
+        };
+        let held = self.locator.held(point, &location);
+        part.answers.keep(k, own, &location, held);
+        let near = self.locator.near((location.element, location.shift))?;
+        Some((near, location.reference))
+    }
+}
+
+/// Elements where points were last, each once for several in a row.
+fn runs_of(part: &Part<'_>, range: Range<usize>) -> impl Iterator<Item = u32> {
+    let count = part.answers.places.len();
+    let places = &part.answers.places[range.start.min(count)..range.end.min(count)];
+    runs(places.iter().map(|place| place.element))
 }
 
 /// Where points are and what the flow is there, one entry each for every point.
@@ -187,11 +242,28 @@ impl Answers<'_> {
         }
         self.velocity[k] = vector(velocity);
         self.change[k] = vector(change);
-        let [x, y, z] = gradient;
-        self.gradient[k] = Matrix3::new(x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]);
+        self.gradient[k] = Matrix3::from_columns(&gradient.map(vector));
     }
 
+    /// Of a point that is in one element alone.
     #[inline(always)]
+    fn keep_alone(
+        &mut self,
+        k: usize,
+        own: u32,
+        near: &Near<'_>,
+        reference: [f64; 3],
+        point: &Vector3<f64>,
+    ) {
+        let place = &mut self.places[k];
+        place.reference = reference;
+        place.shift = near.shift;
+        place.element = near.element;
+        place.rank = own;
+        (place.certain, place.outside) = (true, false);
+        self.held[k] = *point;
+    }
+
     fn keep(&mut self, k: usize, rank: u32, location: &Location, held: Vector3<f64>) {
         let outside = location.distance != 0.0;
         self.places[k] = Placement {
@@ -360,11 +432,11 @@ impl Rendezvous {
 
     /// Places every point and puts what the hosts say of it, or what it meets in its `motion`, into `ambient`. Collective; one round of messages when no
     /// point has left the elements of its host, two otherwise. Points that this rank hosts itself are in none.
-    pub fn place<F: Fn(&Location, &mut Kept) -> Flow + Sync>(
+    pub fn place<S: Source>(
         &mut self,
         points: &[Vector3<f64>],
         motion: Option<Motion<'_>>,
-        host: &Host<'_, F>,
+        host: &Host<'_, S>,
         ambient: &mut Ambient,
     ) -> Result<(), CouplingError> {
         if self.placements.len() != points.len() {
@@ -457,12 +529,12 @@ impl Rendezvous {
     }
 
     /// Second round: all other ranks that may hold something nearer than what the host found, against its own word.
-    fn ask_others<F: Fn(&Location, &mut Kept) -> Flow + Sync>(
+    fn ask_others<S: Source>(
         &mut self,
         points: &[Vector3<f64>],
         open: &[u32],
         motion: Option<Motion<'_>>,
-        host: &Host<'_, F>,
+        host: &Host<'_, S>,
         ambient: &mut Ambient,
     ) {
         let mut asked = Vec::new();
@@ -492,11 +564,11 @@ impl Rendezvous {
     }
 
     /// Sends (point, rank) questions and returns the answers in their order. This rank's own are not sent. Collective.
-    fn ask<F: Fn(&Location, &mut Kept) -> Flow + Sync>(
+    fn ask<S: Source>(
         &self,
         points: &[Vector3<f64>],
         asked: &[(u32, u32)],
-        host: &Host<'_, F>,
+        host: &Host<'_, S>,
     ) -> Vec<Reply> {
         let mut outgoing = vec![Vec::new(); self.communicator.size()];
         for &(k, rank) in asked {

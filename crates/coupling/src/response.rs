@@ -3,7 +3,7 @@
 use crate::{Coupling, CouplingError};
 use bytemuck::{Pod, Zeroable};
 use fibreflow_fibre::{Ambient, Reaction};
-use fibreflow_mesh::jet::{Moments, Polynomial};
+use fibreflow_mesh::jet::{Lanes, Moments, Polynomial};
 use nalgebra::Vector3;
 
 /// A place in an element of the rank that is asked.
@@ -61,10 +61,12 @@ impl Coupling {
         let sent = sent.map(|share| (share.element as usize, share.reference));
         // Points in the same element, one after the other, go to its nodes together.
         let mut sums: Option<(usize, Moments)> = None;
+        let first = |lanes: Lanes| lanes.to_array()[0];
+        let one = Lanes::from([1.0, 0.0, 0.0, 0.0]);
         let mut add = |(element, sums): (usize, Moments)| {
             let nodes = self.mesh.elements.nodes(element).iter();
             let shares = nodes.zip(sums.vertices());
-            shares.for_each(|(&i, n)| density[i as usize][0] += n[0]);
+            shares.for_each(|(&i, n)| density[i as usize][0] += first(n));
         };
         for (element, reference) in here.chain(sent) {
             if sums.as_ref().is_none_or(|sums| sums.0 != element) {
@@ -72,7 +74,7 @@ impl Coupling {
                 sums.replace(next).into_iter().for_each(&mut add);
             }
             if let Some((_, sums)) = &mut sums {
-                sums.add([1.0, 0.0, 0.0, 0.0], [[0.0; 4]; 3], reference);
+                sums.add(one, [Lanes::ZERO; 3], reference);
             }
         }
         sums.into_iter().for_each(add);
@@ -86,10 +88,10 @@ impl Coupling {
         let mut at = |element: usize, reference: [f64; 3]| -> f64 {
             if cell.0 != element {
                 let nodes = self.locator.nodes(element);
-                let value = |v: usize| [density[nodes[v] as usize][0], 0.0, 0.0, 0.0];
+                let value = |v: usize| [density[nodes[v] as usize][0], 0.0, 0.0, 0.0].into();
                 cell = (element, Polynomial::new(self.locator.kind(element), value));
             }
-            cell.1.value(reference)[0]
+            first(cell.1.value(reference))
         };
         let mut answer = |shares: &Vec<Share>| {
             let each = shares.iter();

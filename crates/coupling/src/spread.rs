@@ -2,7 +2,9 @@
 
 use crate::CouplingError;
 use crate::coupling::{Coupling, check_length};
+use crate::rendezvous::vector;
 use fibreflow_fibre::Reaction;
+use fibreflow_mesh::jet::Lanes;
 use fibreflow_parallel::Communicator;
 use nalgebra::Vector3;
 
@@ -48,21 +50,21 @@ impl Coupling {
                 sums.give_all(reaction, self.locator.scale());
                 self.spread_gaussian(&gaussian, reaction, &mut sums);
                 self.gaussian = Some(gaussian);
+                sums.outside = self.outside() as f64;
             }
         }
+        let (mut force, mut on_walls) = (Lanes::ZERO, Lanes::ZERO);
         let nodes = self.nodal.iter_mut().zip(&self.geometry.volumes);
         for (((total, volume), density), held) in nodes.zip(body_force).zip(&self.no_slip) {
             // The next spread starts from nothing.
-            let total = std::mem::take(total);
-            let force = Vector3::new(total[0], total[1], total[2]);
-            sums.force += force;
-            let scale = 1.0 / volume;
-            (0..3).for_each(|c| density[c] += scale * total[c]);
+            let total = Lanes::from(std::mem::take(total));
+            force += total;
+            *density = (Lanes::from(*density) + total * (1.0 / volume)).to_array();
             if *held {
-                sums.on_walls += force;
+                on_walls += total;
             }
         }
-        sums.outside = self.outside() as f64;
+        (sums.force, sums.on_walls) = (vector(force), vector(on_walls));
         Ok(sums.report(&communicator))
     }
 }
@@ -78,7 +80,7 @@ pub(crate) struct Sums {
     on_walls: Vector3<f64>,
     force_size: f64,
     torque_size: f64,
-    outside: f64,
+    pub outside: f64,
 }
 
 impl Sums {
@@ -102,6 +104,7 @@ impl Sums {
         self.torque_given += other.torque_given;
         self.force_size += other.force_size;
         self.torque_size += other.torque_size;
+        self.outside += other.outside;
     }
 
     fn report(&self, communicator: &Communicator) -> SpreadReport {

@@ -2,6 +2,7 @@
 
 use crate::hydrodynamics::{DragResponse, Resistance};
 use crate::{Matrix3, Vector3};
+use wide::f64x4;
 
 /// The flow at the hydrodynamic points, in the order of the points.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -35,17 +36,17 @@ impl Ambient {
     /// along for the sake of vector registers.
     #[inline(always)]
     pub fn met(
-        velocity: [f64; 4],
-        gradient: [[f64; 4]; 3],
-        slope: [f64; 4],
+        velocity: f64x4,
+        gradient: [f64x4; 3],
+        slope: f64x4,
         speed: &Vector3,
         dt: f64,
-    ) -> [[f64; 4]; 3] {
+    ) -> [f64x4; 3] {
         let [x, y, z] = gradient;
-        let travel: [f64; 4] =
-            std::array::from_fn(|l| dt * (x[l] * speed.x + y[l] * speed.y + z[l] * speed.z));
-        let change: [f64; 4] = std::array::from_fn(|l| dt * slope[l] + travel[l]);
-        let end = std::array::from_fn(|l| velocity[l] + 0.5 * (dt * slope[l] + change[l]));
+        let travel = dt * (x * speed.x + y * speed.y + z * speed.z);
+        let growth = dt * slope;
+        let change = growth + travel;
+        let end = velocity + 0.5 * (growth + change);
         [end, change, travel]
     }
 
@@ -56,11 +57,12 @@ impl Ambient {
         self.travel.resize(speeds.len(), Vector3::zeros());
         let flow = self.velocity.iter_mut().zip(&self.gradient);
         let changes = self.change.iter_mut().zip(&mut self.travel);
-        let four = |v: &Vector3| [v.x, v.y, v.z, 0.0];
+        let four = |v: &Vector3| f64x4::from([v.x, v.y, v.z, 0.0]);
+        let three = |v: f64x4| Vector3::from_row_slice(&v.to_array()[..3]);
         for (((u, gradient), (change, travel)), speed) in flow.zip(changes).zip(speeds) {
             let columns = [0, 1, 2].map(|c| four(&gradient.column(c).into()));
             let met = Self::met(four(u), columns, four(change), speed, dt);
-            [*u, *change, *travel] = met.map(|[x, y, z, _]| Vector3::new(x, y, z));
+            [*u, *change, *travel] = met.map(three);
         }
     }
 

@@ -9,7 +9,7 @@ use crate::shape::{self, cofactors, minus, relative};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Affine {
     /// ∂(r, s, t)/∂x_c \[1/m\] and x₀_c \[m\], for the three c.
-    columns: [Lanes; 3],
+    columns: [[f64; 4]; 3],
 }
 
 impl Affine {
@@ -63,15 +63,17 @@ impl Affine {
     /// Reference point of a physical point \[m\], inside or outside.
     #[inline(always)]
     pub fn locate(&self, point: [f64; 3]) -> [f64; 3] {
-        let [a, b, c] = &self.columns;
-        let x = minus(point, [a[3], b[3], c[3]]);
-        std::array::from_fn(|k| x[2].mul_add(c[k], x[1].mul_add(b[k], x[0] * a[k])))
+        let [a, b, c] = self.columns;
+        let [x, y, z] = minus(point, [a[3], b[3], c[3]]).map(Lanes::splat);
+        let [a, b, c] = [a, b, c].map(Lanes::from);
+        let [r, s, t, _] = z.mul_add(c, y.mul_add(b, x * a)).to_array();
+        [r, s, t]
     }
 
-    /// Rows ∇r, ∇s, ∇t of J⁻¹ \[1/m\].
+    /// Columns ∂(r, s, t)/∂x_c of J⁻¹ \[1/m\] in the first three of four.
     #[inline(always)]
-    pub fn inverse_jacobian(&self) -> [[f64; 3]; 3] {
-        std::array::from_fn(|k| self.columns.map(|column| column[k]))
+    pub fn columns(&self) -> &[[f64; 4]; 3] {
+        &self.columns
     }
 }
 
@@ -109,9 +111,9 @@ mod tests {
                     assert!((found[c] - newton[c]).abs() < 1e-12, "{kind:?} {c}");
                 }
                 let rows = shape::inverse_jacobian(kind, &x, r);
-                for (found, expected) in affine.inverse_jacobian().iter().zip(rows) {
-                    for c in 0..3 {
-                        assert!((found[c] - expected[c]).abs() < 1e-11);
+                for (c, column) in affine.columns().iter().enumerate() {
+                    for k in 0..3 {
+                        assert!((column[k] - rows[k][c]).abs() < 1e-11);
                     }
                 }
                 let tangent = Affine::tangent(kind, &x).locate(point);

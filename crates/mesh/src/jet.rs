@@ -4,9 +4,10 @@
 
 use crate::ElementKind;
 use crate::shape::{gradients, values};
+use wide::f64x4;
 
-/// The components of a vector, and one that makes four.
-pub type Lanes = [f64; 4];
+/// The components of a vector, and one that makes four, in a register.
+pub type Lanes = f64x4;
 
 /// A field at a point of an element.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,25 +18,10 @@ pub struct Jet {
     pub along: [Lanes; 3],
 }
 
-#[inline(always)]
-fn sum(a: Lanes, b: Lanes) -> Lanes {
-    std::array::from_fn(|l| a[l] + b[l])
-}
-
-#[inline(always)]
-fn minus(a: Lanes, b: Lanes) -> Lanes {
-    std::array::from_fn(|l| a[l] - b[l])
-}
-
 /// a + s·b
 #[inline(always)]
 fn add_scaled(a: Lanes, s: f64, b: Lanes) -> Lanes {
-    std::array::from_fn(|l| s.mul_add(b[l], a[l]))
-}
-
-#[inline(always)]
-fn scaled(s: f64, a: Lanes) -> Lanes {
-    std::array::from_fn(|l| s * a[l])
+    Lanes::splat(s).mul_add(b, a)
 }
 
 /// Vertices of a hexahedron by the bits of their reference coordinates, r + 2s + 4t.
@@ -56,7 +42,7 @@ pub struct Polynomial {
 impl Default for Polynomial {
     fn default() -> Self {
         Self {
-            coefficients: [[0.0; 4]; 8],
+            coefficients: [Lanes::ZERO; 8],
             kind: ElementKind::Hexahedron,
         }
     }
@@ -66,7 +52,7 @@ impl Polynomial {
     /// The field with values `u(v)` at the vertices.
     #[inline(always)]
     pub fn new(kind: ElementKind, u: impl Fn(usize) -> Lanes) -> Self {
-        let mut c = [[0.0; 4]; 8];
+        let mut c = [Lanes::ZERO; 8];
         match kind {
             ElementKind::Hexahedron => {
                 for (c, v) in c.iter_mut().zip(CORNERS) {
@@ -74,25 +60,25 @@ impl Polynomial {
                 }
                 for step in [1, 2, 4] {
                     for k in (0..8).filter(|k| k & step != 0) {
-                        c[k] = minus(c[k], c[k - step]);
+                        c[k] -= c[k - step];
                     }
                 }
             }
             ElementKind::Prism => {
                 let [low, high] = [0, 3].map(|first| {
                     let origin = u(first);
-                    [1, 2].map(|v| minus(u(first + v), origin))
+                    [1, 2].map(|v| u(first + v) - origin)
                 });
                 c[0] = u(0);
                 [c[1], c[2]] = low;
-                c[4] = minus(u(3), c[0]);
-                c[5] = minus(high[0], low[0]);
-                c[6] = minus(high[1], low[1]);
+                c[4] = u(3) - c[0];
+                c[5] = high[0] - low[0];
+                c[6] = high[1] - low[1];
             }
             ElementKind::Tetrahedron => {
                 c[0] = u(0);
                 for (v, k) in [(1, 1), (2, 2), (3, 4)] {
-                    c[k] = minus(u(v), c[0]);
+                    c[k] = u(v) - c[0];
                 }
             }
             ElementKind::Pyramid => {
@@ -133,7 +119,7 @@ impl Polynomial {
             },
             ElementKind::Pyramid => {
                 let gradient = gradients(self.kind, r);
-                let mut along = [[0.0; 4]; 3];
+                let mut along = [Lanes::ZERO; 3];
                 for (v, u) in c.iter().enumerate().take(self.kind.vertices()) {
                     for (along, slope) in along.iter_mut().zip(gradient[v]) {
                         *along = add_scaled(*along, slope, *u);
@@ -161,7 +147,7 @@ impl Polynomial {
             }
             ElementKind::Pyramid => {
                 let vertices = values(self.kind, r).into_iter().zip(c);
-                vertices.fold([0.0; 4], |sum, (n, u)| add_scaled(sum, n, *u))
+                vertices.fold(Lanes::ZERO, |sum, (n, u)| add_scaled(sum, n, *u))
             }
         }
     }
@@ -180,45 +166,56 @@ impl Moments {
     /// No points yet.
     #[inline(always)]
     pub fn new(kind: ElementKind) -> Self {
-        let sums = [[0.0; 4]; 8];
+        let sums = [Lanes::ZERO; 8];
         Self { sums, kind }
     }
 
     /// Adds f times the value and g_k times the slopes at reference point `r`.
     #[inline(always)]
     pub fn add(&mut self, f: Lanes, g: [Lanes; 3], r: [f64; 3]) {
-        let m = &mut self.sums;
+        self.add_all(std::iter::once((f, g, r)));
+    }
+
+    /// As [`Moments::add`] for many points, the sums in registers.
+    #[inline(always)]
+    pub fn add_all(&mut self, points: impl Iterator<Item = (Lanes, [Lanes; 3], [f64; 3])>) {
+        let mut m = self.sums;
         match self.kind {
             ElementKind::Hexahedron | ElementKind::Prism => {
-                let p1 = add_scaled(g[0], r[0], f);
-                let p2 = add_scaled(g[1], r[1], f);
-                // Both parts of rs: s (r f + g_r) + r g_s.
-                let p3 = add_scaled(scaled(r[0], g[1]), r[1], p1);
-                let up = [
-                    add_scaled(g[2], r[2], f),
-                    add_scaled(scaled(r[0], g[2]), r[2], p1),
-                    add_scaled(scaled(r[1], g[2]), r[2], p2),
-                    add_scaled(scaled(r[0] * r[1], g[2]), r[2], p3),
-                ];
-                for (k, p) in [f, p1, p2, p3].into_iter().enumerate() {
-                    m[k] = sum(m[k], p);
-                    m[k + 4] = sum(m[k + 4], up[k]);
+                for (f, g, r) in points {
+                    let p1 = add_scaled(g[0], r[0], f);
+                    let p2 = add_scaled(g[1], r[1], f);
+                    // Both parts of rs: s (r f + g_r) + r g_s.
+                    let p3 = add_scaled(r[0] * g[1], r[1], p1);
+                    m[0] += f;
+                    m[1] += p1;
+                    m[2] += p2;
+                    m[3] += p3;
+                    m[4] += add_scaled(g[2], r[2], f);
+                    m[5] += add_scaled(r[0] * g[2], r[2], p1);
+                    m[6] += add_scaled(r[1] * g[2], r[2], p2);
+                    m[7] += add_scaled(r[0] * r[1] * g[2], r[2], p3);
                 }
             }
             ElementKind::Tetrahedron => {
-                m[0] = sum(m[0], f);
-                for (k, g, r) in [(1, g[0], r[0]), (2, g[1], r[1]), (4, g[2], r[2])] {
-                    m[k] = sum(m[k], add_scaled(g, r, f));
+                for (f, g, r) in points {
+                    m[0] += f;
+                    for (k, g, r) in [(1, g[0], r[0]), (2, g[1], r[1]), (4, g[2], r[2])] {
+                        m[k] += add_scaled(g, r, f);
+                    }
                 }
             }
             ElementKind::Pyramid => {
-                let (n, gradient) = (values(self.kind, r), gradients(self.kind, r));
-                for (v, m) in m.iter_mut().enumerate().take(self.kind.vertices()) {
-                    *m = add_scaled(*m, n[v], f);
-                    (0..3).for_each(|k| *m = add_scaled(*m, gradient[v][k], g[k]));
+                for (f, g, r) in points {
+                    let (n, gradient) = (values(self.kind, r), gradients(self.kind, r));
+                    for (v, m) in m.iter_mut().enumerate().take(self.kind.vertices()) {
+                        *m = add_scaled(*m, n[v], f);
+                        (0..3).for_each(|k| *m = add_scaled(*m, gradient[v][k], g[k]));
+                    }
                 }
             }
         }
+        self.sums = m;
     }
 
     /// Σ N_v f + Σ_k g_k ∂N_v/∂r_k over the points, at the vertices. They sum to Σ f.
@@ -229,23 +226,23 @@ impl Moments {
             ElementKind::Hexahedron => {
                 for step in [1, 2, 4] {
                     for k in (0..8).filter(|k| k & step != 0) {
-                        m[k - step] = minus(m[k - step], m[k]);
+                        m[k - step] -= m[k];
                     }
                 }
                 // The order of the vertices is its own inverse.
                 CORNERS.map(|k| m[k])
             }
             ElementKind::Prism => {
-                let low = [minus(m[1], m[5]), minus(m[2], m[6])];
-                let first = minus(minus(minus(m[0], m[4]), low[0]), low[1]);
-                let fourth = minus(minus(m[4], m[5]), m[6]);
-                let none = [0.0; 4];
+                let low = [m[1] - m[5], m[2] - m[6]];
+                let first = m[0] - m[4] - low[0] - low[1];
+                let fourth = m[4] - m[5] - m[6];
+                let none = Lanes::ZERO;
                 [first, low[0], low[1], fourth, m[5], m[6], none, none]
             }
             ElementKind::Tetrahedron => {
-                m[0] = minus(minus(minus(m[0], m[1]), m[2]), m[4]);
+                m[0] = m[0] - m[1] - m[2] - m[4];
                 m[3] = m[4];
-                m[4] = [0.0; 4];
+                m[4] = Lanes::ZERO;
                 m
             }
             ElementKind::Pyramid => m,
@@ -270,22 +267,24 @@ mod tests {
                 if !inside(kind, r, 0.0) {
                     continue;
                 }
-                let mut lanes = || -> Lanes { std::array::from_fn(|_| random.random()) };
-                let u: [Lanes; 8] = std::array::from_fn(|_| lanes());
+                let mut lanes = || -> [f64; 4] { std::array::from_fn(|_| random.random()) };
+                let u: [[f64; 4]; 8] = std::array::from_fn(|_| lanes());
                 let (f, g) = (lanes(), [lanes(), lanes(), lanes()]);
                 let (n, gradient) = (values(kind, r), gradients(kind, r));
-                let field = Polynomial::new(kind, |v| u[v]);
+                let field = Polynomial::new(kind, |v| u[v].into());
                 let found = field.jet(r);
                 let mut moments = Moments::new(kind);
-                moments.add(f, g, r);
-                let pushed = moments.vertices();
+                moments.add(f.into(), g.map(Lanes::from), r);
+                let pushed = moments.vertices().map(Lanes::to_array);
                 assert_eq!(field.value(r), found.value);
+                let value = found.value.to_array();
+                let along = found.along.map(Lanes::to_array);
                 for l in 0..4 {
                     let expected: f64 = (0..8).map(|v| n[v] * u[v][l]).sum();
-                    assert!((found.value[l] - expected).abs() < 1e-14);
+                    assert!((value[l] - expected).abs() < 1e-14);
                     for k in 0..3 {
                         let expected: f64 = (0..8).map(|v| gradient[v][k] * u[v][l]).sum();
-                        assert!((found.along[k][l] - expected).abs() < 1e-14);
+                        assert!((along[k][l] - expected).abs() < 1e-14);
                     }
                     for v in 0..8 {
                         let turned: f64 = (0..3).map(|k| gradient[v][k] * g[k][l]).sum();

@@ -315,17 +315,18 @@ pub(crate) fn relative(kind: ElementKind, coordinates: &[[f64; 3]; 8]) -> [[f64;
 
 #[inline(always)]
 fn padded(kind: ElementKind, coordinates: &[[f64; 3]; 8]) -> [Lanes; 8] {
-    let mut x = [[0.0; 4]; 8];
+    let mut x = [Lanes::ZERO; 8];
     for a in 1..kind.vertices() {
         let [u, v, w] = minus(coordinates[a], coordinates[0]);
-        x[a] = [u, v, w, 0.0];
+        x[a] = [u, v, w, 0.0].into();
     }
     x
 }
 
 #[inline(always)]
 fn three(x: Lanes) -> [f64; 3] {
-    [x[0], x[1], x[2]]
+    let [u, v, w, _] = x.to_array();
+    [u, v, w]
 }
 
 /// Rows of the inverse Jacobian times its determinant, and the determinant.
