@@ -28,6 +28,8 @@ pub struct Figures {
     pub substeps: usize,
     /// Sum over all segments of their sub-steps.
     pub segment_substeps: usize,
+    /// Sub-steps of linked fibres in which limits of friction were taken as they were.
+    pub unsettled: usize,
     /// Relative defect of force and torque in spreading.
     pub momentum_defect: f64,
     /// Hydrodynamic points outside the domain, held at its boundary.
@@ -82,6 +84,8 @@ pub struct Totals {
     pub substeps: usize,
     /// Sum over all steps and segments of the sub-steps.
     pub segment_substeps: usize,
+    /// Sub-steps of linked fibres in which limits of friction were taken as they were.
+    pub unsettled: usize,
     /// Rounds of all steps in which forces and flow were found together, and the most of any.
     pub rounds: [usize; 2],
     /// Steps whose forces were found loosely.
@@ -119,6 +123,7 @@ impl Figures {
         if let Some(linked) = &scene.linked {
             self.substeps = linked.sub_steps();
             self.segment_substeps = self.substeps * linked.segments();
+            self.unsettled = linked.unsettled();
         }
     }
 
@@ -164,6 +169,7 @@ impl Totals {
         self.momentum_defect = self.momentum_defect.max(figures.momentum_defect);
         self.substeps += figures.substeps;
         self.segment_substeps += figures.segment_substeps;
+        self.unsettled += figures.unsettled;
         if let Some(rounds) = figures.rounds {
             self.rounds = [
                 self.rounds[0] + rounds.rounds,

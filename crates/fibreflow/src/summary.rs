@@ -85,6 +85,8 @@ pub struct FibreSummary {
     pub seconds_per_segment_substep: Option<f64>,
     /// Sub-steps in a step, mean over the steps of the largest of any fibre.
     pub substeps_mean: Option<f64>,
+    /// Sub-steps in which limits of kinetic friction were taken as they were, before they agreed with the repulsions; null without linked fibres.
+    pub unsettled_substeps: Option<usize>,
 }
 
 /// Figures of the coupling.
@@ -171,6 +173,7 @@ pub fn of(
             seconds_per_segment_step: each(timings.fibres, segments, steps),
             seconds_per_segment_substep: each(timings.fibres, totals.segment_substeps, 1.0),
             substeps_mean: mean(totals.substeps),
+            unsettled_substeps: None,
         }
     });
     let linked = scene.linked.as_ref().map(|linked| FibreSummary {
@@ -179,6 +182,7 @@ pub fn of(
         seconds_per_segment_step: each(timings.fibres, linked.segments(), steps),
         seconds_per_segment_substep: each(timings.fibres, totals.segment_substeps, 1.0),
         substeps_mean: mean(totals.substeps),
+        unsettled_substeps: Some(totals.unsettled),
     });
     let fibres = fibres.or(linked);
     let transfer = timings.sample + timings.spread;
@@ -272,6 +276,11 @@ pub fn closing(summary: &Summary, stop: Stop) -> String {
         lines.push(format!(
             "fibres: {:.1} ns a segment and sub-step, {substeps:.1} sub-steps a step",
             cost * 1e9
+        ));
+    }
+    if let Some(count @ 1..) = summary.fibres.unsettled_substeps {
+        lines.push(format!(
+            "fibres: in {count} sub-steps the limits of friction were taken as they were, before they agreed with the repulsions"
         ));
     }
     let coupling = &summary.coupling;

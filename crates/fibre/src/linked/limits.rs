@@ -15,14 +15,14 @@ const SLOWEST: f64 = 0.02;
 
 /// Limits μ f₀ that follow the repulsions: with given limits the problem is convex (Tresca), and its forces are bounded whatever the limits
 /// are, so that some limits agree with them. A limit is followed by as much as its own contact answers, and by less where it
-/// goes to and fro.
-pub(super) fn follow(contacts: &mut [Contact], coupling: &Coupling, law: &Law) -> usize {
+/// goes to and fro. How many sweeps, and whether friction came to agree with its limits.
+pub(super) fn follow(contacts: &mut [Contact], coupling: &Coupling, law: &Law) -> (usize, bool) {
     let mut pace = vec![1.0_f64; contacts.len()];
     let mut before = vec![0.0_f64; contacts.len()];
     for c in contacts.iter_mut().filter(|c| c.rubs) {
         c.limit = c.friction(law) * c.force.x;
     }
-    let mut sweeps = 0;
+    let (mut sweeps, mut settled) = (0, false);
     for _ in 0..ROUNDS {
         sweeps += newton::minimise(contacts, coupling, law);
         let (mut missed, mut size) = (0.0, 0.0);
@@ -33,7 +33,8 @@ pub(super) fn follow(contacts: &mut [Contact], coupling: &Coupling, law: &Law) -
                 missed += (wanted - tangential).powi(2);
             }
         }
-        if missed <= NEAR * NEAR * size || sweeps > MANY {
+        settled = missed <= NEAR * NEAR * size;
+        if settled || sweeps > MANY {
             break;
         }
         for k in 0..contacts.len() {
@@ -64,5 +65,5 @@ pub(super) fn follow(contacts: &mut [Contact], coupling: &Coupling, law: &Law) -
             c.force.z *= most / tangential;
         }
     }
-    sweeps
+    (sweeps, settled)
 }

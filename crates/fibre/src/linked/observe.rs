@@ -27,6 +27,8 @@ pub struct LinkedStatistics {
     pub steps: usize,
     /// Sweeps over the contacts in the last step.
     pub sweeps: usize,
+    /// Sub-steps of the last step in which limits of friction were taken as they were, before they agreed with the repulsions.
+    pub unsettled: usize,
 }
 
 impl LinkedSystem {
@@ -102,6 +104,11 @@ impl LinkedSystem {
         self.counts.steps
     }
 
+    /// Sub-steps of the last step in which limits of friction were taken as they were.
+    pub fn unsettled(&self) -> usize {
+        self.counts.unsettled
+    }
+
     /// Simulated time \[s\].
     pub fn time(&self) -> f64 {
         self.time
@@ -155,6 +162,7 @@ impl LinkedSystem {
             searches: self.neighbours.searches,
             steps: self.counts.steps,
             sweeps: self.counts.sweeps,
+            unsettled: self.counts.unsettled,
             sliding: self.solved.iter().filter(|t| t.slides).count(),
             ..LinkedStatistics::default()
         };

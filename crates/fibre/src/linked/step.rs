@@ -4,7 +4,7 @@
 //! the repulsion itself is not linearised). Flow, resistances and levers are those of the middle, foreseen by the motion of the
 //! step before, so that what is not stiff moves with second order.
 
-use super::cone::{self, Contact, Coupling, Law, Source};
+use super::cone::{self, Contact, Coupling, Found, Law, Source};
 use super::grips::Grips;
 use super::implicit::{Unknown, Work, assemble, solve};
 use super::pins;
@@ -33,6 +33,8 @@ const FASTER: f64 = 2.0;
 pub(super) struct Counts {
     pub steps: usize,
     pub sweeps: usize,
+    /// Sub-steps in which limits of friction were taken as they were.
+    pub unsettled: usize,
 }
 
 /// Work space of the implicit steps.
@@ -63,8 +65,10 @@ impl LinkedSystem {
                 _ => self.trial,
             };
             let shorter = part > SHORTER * step && !followed;
-            let drift = self.attempt(flow, part, shorter, &mut followed);
+            let (drift, found) = self.attempt(flow, part, shorter);
+            followed |= found.followed;
             self.counts.steps += 1;
+            self.counts.sweeps += found.sweeps;
             if part > SHORTEST * step && !within(drift, DRIFT) {
                 // Joints part by the square of the step.
                 let shorter = (0.8 * (DRIFT / drift).sqrt()).clamp(0.1, 0.8);
@@ -74,6 +78,7 @@ impl LinkedSystem {
             if !drift.is_finite() {
                 return Err(FibreError::NoJointConvergence);
             }
+            self.counts.unsettled += usize::from(found.unsettled);
             self.accept(part);
             self.react(flow, part);
             done = if part == left { step } else { done + part };
@@ -89,11 +94,12 @@ impl LinkedSystem {
     }
 
     /// Solves for the motion in a step, without moving; by how many radii joints part in it. That is infinite where friction is not
-    /// found and a shorter step may help (`shorter`). Says if limits of friction `followed`.
-    fn attempt(&mut self, flow: Around<'_>, step: f64, shorter: bool, followed: &mut bool) -> f64 {
+    /// found and a shorter step may help (`shorter`). And what finding the forces took.
+    fn attempt(&mut self, flow: Around<'_>, step: f64, shorter: bool) -> (f64, Found) {
         let mut work = std::mem::take(&mut self.implicit.work);
         self.foresee(flow, step, &mut work);
         let mut contacts = self.contacts(&work, step);
+        let mut took = Found::default();
         if !contacts.is_empty() {
             let coupling = couple(&self.chains, &self.offsets, &work, &contacts);
             // Without repulsion there are grips alone, which do not ask for it.
@@ -107,10 +113,9 @@ impl LinkedSystem {
             };
             let Some(found) = cone::solve(&mut contacts, &coupling, &law, shorter) else {
                 self.implicit.work = work;
-                return f64::INFINITY;
+                return (f64::INFINITY, took);
             };
-            self.counts.sweeps += found.sweeps;
-            *followed |= found.followed;
+            took = found;
             for c in &contacts {
                 let force = c.directions * c.force;
                 let sides = &c.segments[..c.sides()];
@@ -145,7 +150,7 @@ impl LinkedSystem {
         let larger = |a: f64, b: f64| if b <= a || a.is_nan() { a } else { b };
         let drift = parted.fold(0.0, larger);
         self.implicit.work = work;
-        drift
+        (drift, took)
     }
 
     /// Segments in the middle of the step, by the motion of the one before; loads without contacts; the motion by these.

@@ -206,7 +206,7 @@ impl LinkedSystem {
         }
         self.counts = Counts {
             steps: 1,
-            sweeps: 0,
+            ..Counts::default()
         };
         self.move_freely(flow);
         self.solve();
