@@ -90,7 +90,7 @@ pub enum Kernels {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Mass {
-    /// The consistent mass of the elements, by two explicit corrections: a third to a fifth of the error of waves that the
+    /// The consistent mass of the elements, by two explicit corrections: a sixth to a fortieth of the error of waves that the
     /// flow carries along. In steps of Courant numbers above 1.10 as `lumped`.
     #[default]
     Corrected,
