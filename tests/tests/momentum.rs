@@ -13,7 +13,11 @@ const KINDS: [BoxElement; 4] = [
     BoxElement::Mixed,
 ];
 /// The kernel of many nodes is dear, so that it has fewer steps.
-const RUNS: [(Kernel, usize); 2] = [(Kernel::Element, 1000), (GAUSSIAN, 300)];
+const RUNS: [(Kernel, usize); 3] = [
+    (Kernel::Element, 1000),
+    (Kernel::Middle, 300),
+    (GAUSSIAN, 300),
+];
 const DT: f64 = 2e-4;
 
 fn mesh(element: BoxElement, periodic: [bool; 3]) -> BoxMesh {

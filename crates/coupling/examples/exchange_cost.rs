@@ -1,8 +1,8 @@
 //! Time of a segment and step to sample and spread with the kernel of one element, beside one segment a node: the channel of
 //! `cases/quickstart` with 1,336 straight fibres of 16 segments that drift. Before each part 48 MB are swept, more than caches hold.
-//! `cargo run --release -p fibreflow-coupling --example exchange_cost [hexahedra|jittered|tetrahedra] [STEPS]`
+//! `cargo run --release -p fibreflow-coupling --example exchange_cost [hexahedra|jittered|tetrahedra] [STEPS] [middle]`
 
-use fibreflow_coupling::Coupling;
+use fibreflow_coupling::{Coupling, Kernel};
 use fibreflow_fibre::hydrodynamics::{DragModel, FluidProperties, TorqueModel};
 use fibreflow_fibre::{
     Ambient, Fibre, FibreSettings, FibreSystem, Hydrodynamics, Material, Points, Reaction,
@@ -60,6 +60,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let kind = arguments.next().unwrap_or("hexahedra".to_owned());
     let steps: usize = arguments.next().map_or(Ok(200), |n| n.parse())?;
+    let kernel = match arguments.next().as_deref() {
+        None => Kernel::Element,
+        Some("middle") => Kernel::Middle,
+        Some(_) => return Err("middle, or nothing".into()),
+    };
     let (element, jitter) = match kind.as_str() {
         "hexahedra" => (BoxElement::Hexahedron, 0.0),
         "jittered" => (BoxElement::Hexahedron, 0.2),
@@ -88,7 +93,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         })
         .collect();
     let slope: Vec<[f64; 4]> = velocity.iter().map(|u| u.map(|u| 0.1 * u)).collect();
-    let mut coupling = Coupling::new(mesh.clone(), geometry, vec![false; mesh.owned()])?;
+    let free = vec![false; mesh.owned()];
+    let mut coupling = Coupling::with_kernel(mesh.clone(), geometry, free, kernel)?;
     let mut fibres = fibres()?;
     for (i, v) in fibres.velocities_mut().iter_mut().enumerate() {
         *v = Vector3::new(0.4, 0.0, 1e-2 * (i / 17 % 7) as f64);

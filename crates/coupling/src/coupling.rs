@@ -2,6 +2,7 @@
 
 use crate::gaussian::Gaussian;
 use crate::locate::Locator;
+use crate::pairs::Pairs;
 use crate::rendezvous::{Motion, Rendezvous};
 use crate::{CouplingError, Kernel};
 use fibreflow_fibre::{Ambient, Points};
@@ -19,8 +20,10 @@ pub struct Coupling {
     pub(crate) geometry: Arc<DualGeometry>,
     pub(crate) locator: Locator,
     pub(crate) rendezvous: Rendezvous,
-    /// None where the kernel is an element.
+    /// None where the kernel is one element.
     pub(crate) gaussian: Option<Gaussian>,
+    /// None where every point is a place of its own.
+    pub(crate) pairs: Option<Pairs>,
     pub(crate) no_slip: Vec<bool>,
     /// Force by node \[N\], length `mesh.total()`.
     pub(crate) nodal: Vec<[f64; 4]>,
@@ -72,6 +75,7 @@ impl Coupling {
             .map(|width| Gaussian::new(&mesh, &geometry, locator.lattice().clone(), width));
         Ok(Self {
             gaussian,
+            pairs: (kernel == Kernel::Middle).then(Pairs::default),
             nodal: vec![[0.0; 4]; mesh.total()],
             mesh,
             geometry,
@@ -178,9 +182,9 @@ impl Coupling {
     /// Points of this rank that the last sample found outside the domain.
     pub fn outside(&self) -> usize {
         let limit = self.beyond();
-        let points = 0..self.rendezvous.placements.len();
+        let points = 0..self.points();
         points
-            .filter(|&k| self.rendezvous.distance(k) > limit)
+            .filter(|&p| self.rendezvous.distance(self.place(p)) > limit)
             .count()
     }
 
@@ -196,7 +200,18 @@ impl Coupling {
 
     /// Rank that holds the element around each point of this rank, from the last sample.
     pub fn hosts(&self) -> impl ExactSizeIterator<Item = u32> + '_ {
-        self.rendezvous.placements.iter().map(|p| p.rank)
+        (0..self.points()).map(|p| self.rendezvous.placements[self.place(p)].rank)
+    }
+
+    /// Points of the last sample.
+    pub(crate) fn points(&self) -> usize {
+        let places = self.rendezvous.placements.len();
+        places * if self.pairs.is_some() { 2 } else { 1 }
+    }
+
+    /// Place of a point.
+    fn place(&self, point: usize) -> usize {
+        point / if self.pairs.is_some() { 2 } else { 1 }
     }
 
     pub(crate) fn communicator(&self) -> &Communicator {

@@ -6,6 +6,7 @@ use crate::coupling::Fields;
 use crate::fetch::{BLOCK, runs};
 use crate::lattice::Shift;
 use crate::locate::{Bent, Hint, Locator, Near};
+use crate::pairs::Pairs;
 use crate::rendezvous::{Flow, Host, Kept, Motion, Rendezvous, Source, vector};
 use crate::spread::Sums;
 use bytemuck::{Pod, Zeroable};
@@ -28,6 +29,9 @@ const PART: usize = 256;
 struct Load {
     force: [f64; 3],
     torque: [f64; 3],
+    /// From the place to the second of two points \[m\], and by how much its force is larger; of points in pairs.
+    arm: [f64; 3],
+    pull: [f64; 3],
     reference: [f64; 3],
     shift: Shift,
     element: u32,
@@ -50,13 +54,44 @@ impl Coupling {
         motion: Option<Motion<'_>>,
         ambient: &mut Ambient,
     ) -> Result<(), CouplingError> {
+        let Some(mut pairs) = self.pairs.take() else {
+            return self.sample_places(fields, points, &[], motion, ambient);
+        };
+        let sampled = pairs
+            .join(points)
+            .and_then(|()| self.sample_places(fields, &pairs.places, &pairs.arms, motion, ambient));
+        self.pairs = Some(pairs);
+        // The first of the two.
+        sampled.map_err(|error| match error {
+            CouplingError::NotFinite {
+                point,
+                rank,
+                position,
+            } => CouplingError::NotFinite {
+                point: 2 * point,
+                rank,
+                position,
+            },
+            other => other,
+        })
+    }
+
+    fn sample_places(
+        &mut self,
+        fields: &Fields<'_>,
+        points: &[Vector3<f64>],
+        arms: &[Vector3<f64>],
+        motion: Option<Motion<'_>>,
+        ambient: &mut Ambient,
+    ) -> Result<(), CouplingError> {
         let locator = &self.locator;
         let host = Host {
             mesh: &self.mesh,
             locator,
             source: Elements { locator, fields },
         };
-        self.rendezvous.place(points, motion, &host, ambient)?;
+        self.rendezvous
+            .place(points, arms, motion, &host, ambient)?;
         if fields.change.is_none() && motion.is_none() {
             ambient.change.clear();
         }
@@ -66,10 +101,19 @@ impl Coupling {
     /// f_i = N_i F + ½ T × ∇N_i at the nodes of the element where each point was sampled, into `nodal`; what was given
     /// into `sums`.
     pub(crate) fn spread_elements(&mut self, reaction: &Reaction, sums: &mut Sums) {
+        if self.pairs.is_some() {
+            self.spread_loads::<true>(reaction, sums);
+        } else {
+            self.spread_loads::<false>(reaction, sums);
+        }
+    }
+
+    fn spread_loads<const PAIRED: bool>(&mut self, reaction: &Reaction, sums: &mut Sums) {
         let communicator = self.mesh.halo.communicator();
         let own = communicator.rank() as u32;
-        let given = Given {
+        let given = Given::<'_, PAIRED> {
             rendezvous: &self.rendezvous,
+            arms: self.pairs.as_ref().map_or(&[], |pairs| &pairs.arms),
             reaction,
             own,
             scale: self.locator.scale(),
@@ -81,7 +125,7 @@ impl Coupling {
             nodal: &mut self.nodal,
             beyond: Vector3::zeros(),
         };
-        target.take(reaction.force.len(), &given, sums);
+        target.take(self.rendezvous.placements.len(), &given, sums);
         if communicator.size() > 1 {
             let mut outgoing = vec![Vec::new(); communicator.size()];
             let places = self.rendezvous.placements.iter().enumerate();
@@ -89,7 +133,7 @@ impl Coupling {
                 outgoing[place.rank as usize].push(given.load(k));
             }
             for loads in communicator.exchange(outgoing) {
-                target.take(loads.len(), &loads, sums);
+                target.take(loads.len(), &Sent::<PAIRED>(loads), sums);
             }
         }
         let beyond = target.beyond;
@@ -174,6 +218,9 @@ impl Cell {
 
 /// Loads by number.
 trait Loads: Sync {
+    /// They are of points in pairs.
+    const PAIRED: bool;
+
     fn load(&self, k: usize) -> Load;
 
     /// Element of a load, and the shift of its point there.
@@ -187,8 +234,10 @@ trait Loads: Sync {
 }
 
 /// What the points of this rank give.
-struct Given<'a> {
+struct Given<'a, const PAIRED: bool> {
     rendezvous: &'a Rendezvous,
+    /// By pair.
+    arms: &'a [Vector3<f64>],
     reaction: &'a Reaction,
     own: u32,
     /// Size of an element \[m\].
@@ -197,13 +246,32 @@ struct Given<'a> {
     outside: f64,
 }
 
-impl Loads for Given<'_> {
+impl<const PAIRED: bool> Given<'_, PAIRED> {
+    /// Force, torque, arm and pull.
+    #[inline(always)]
+    fn of(&self, k: usize) -> [Vector3<f64>; 4] {
+        if PAIRED {
+            let [force, torque, pull] = Pairs::load(self.reaction, k);
+            [force, torque, self.arms[k], pull]
+        } else {
+            let (force, torque) = (self.reaction.force[k], self.reaction.torque[k]);
+            [force, torque, Vector3::zeros(), Vector3::zeros()]
+        }
+    }
+}
+
+impl<const PAIRED: bool> Loads for Given<'_, PAIRED> {
+    const PAIRED: bool = PAIRED;
+
     #[inline(always)]
     fn load(&self, k: usize) -> Load {
         let place = &self.rendezvous.placements[k];
+        let [force, torque, arm, pull] = self.of(k).map(Into::into);
         Load {
-            force: self.reaction.force[k].into(),
-            torque: self.reaction.torque[k].into(),
+            force,
+            torque,
+            arm,
+            pull,
             reference: place.reference,
             shift: place.shift,
             element: place.element,
@@ -223,25 +291,32 @@ impl Loads for Given<'_> {
 
     #[inline(always)]
     fn book(&self, k: usize, sums: &mut Sums) {
-        let (force, torque) = (&self.reaction.force[k], &self.reaction.torque[k]);
-        sums.give(force, torque, self.scale);
-        sums.torque_given += self.rendezvous.held[k].cross(force) + torque;
+        let [force, torque, arm, pull] = self.of(k);
+        sums.give(&force, &torque, self.scale);
+        sums.torque_given += self.rendezvous.held[k].cross(&force) + torque;
+        if PAIRED {
+            sums.torque_given += arm.cross(&pull);
+        }
         if self.rendezvous.distance(k) > self.outside {
-            sums.outside += 1.0;
+            sums.outside += if PAIRED { 2.0 } else { 1.0 };
         }
     }
 }
 
 /// What points of another rank give.
-impl Loads for Vec<Load> {
+struct Sent<const PAIRED: bool>(Vec<Load>);
+
+impl<const PAIRED: bool> Loads for Sent<PAIRED> {
+    const PAIRED: bool = PAIRED;
+
     #[inline(always)]
     fn load(&self, k: usize) -> Load {
-        self[k]
+        self.0[k]
     }
 
     #[inline(always)]
     fn hint(&self, k: usize) -> Hint {
-        (self[k].element, self[k].shift)
+        (self.0[k].element, self.0[k].shift)
     }
 
     #[inline(always)]
@@ -331,13 +406,16 @@ impl Target<'_> {
 
 /// Sums loads in the same element: N_i F + ½ T × ∇N_i at its vertices.
 #[inline(always)]
-fn gather<'a>(
+fn gather<'a, L>(
     locator: &'a Locator,
     range: Range<usize>,
     count: usize,
-    loads: &impl Loads,
+    loads: &L,
     mut done: impl FnMut(&Run<'a>),
-) -> Sums {
+) -> Sums
+where
+    L: Loads,
+{
     let (mut sums, mut bent) = (Sums::default(), Bent::default());
     let ahead = range.end..count.min(range.end + BLOCK);
     runs(ahead.map(|k| loads.hint(k).0)).for_each(|e| locator.fetch(e, false));
@@ -355,11 +433,11 @@ fn gather<'a>(
         let loads = (first..next).map(|k| loads.load(k));
         if near.is_linear() {
             let turning = Turning::new(near.slopes([0.0; 3], &mut bent));
-            moments.add_all(loads.map(|load| turning.of(&load)));
+            moments.add_all(loads.map(|load| turning.of(&load, L::PAIRED)));
         } else {
             moments.add_all(loads.map(|load| {
                 let slopes = near.slopes(load.reference, &mut bent);
-                Turning::new(slopes).of(&load)
+                Turning::new(slopes).of(&load, L::PAIRED)
             }));
         }
         done(&Run { near, moments });
@@ -371,11 +449,14 @@ fn gather<'a>(
 struct Turning {
     /// y, z, x and z, x, y for the three k.
     rows: [[Lanes; 2]; 3],
+    /// ∂(r, s, t)/∂x_c.
+    columns: [Lanes; 3],
 }
 
 impl Turning {
     #[inline(always)]
-    fn new([x, y, z]: [[f64; 4]; 3]) -> Self {
+    fn new(columns: [[f64; 4]; 3]) -> Self {
+        let [x, y, z] = columns;
         let orders = |k: usize| {
             let yzx = Lanes::from([y[k], z[k], x[k], 0.0]);
             let zxy = Lanes::from([z[k], x[k], y[k], 0.0]);
@@ -383,17 +464,29 @@ impl Turning {
         };
         Self {
             rows: [orders(0), orders(1), orders(2)],
+            columns: columns.map(Lanes::from),
         }
     }
 
-    /// F, ½ T × ∇r_k, and where.
+    /// F, ½ T × ∇r_k and, of points in pairs, (f₂ − f₁) a·∇r_k with it, and where.
     #[inline(always)]
-    fn of(&self, load: &Load) -> (Lanes, [Lanes; 3], [f64; 3]) {
+    fn of(&self, load: &Load, paired: bool) -> (Lanes, [Lanes; 3], [f64; 3]) {
         let ([fx, fy, fz], [x, y, z]) = (load.force, load.torque);
         let force = Lanes::from([fx, fy, fz, 0.0]);
         let yzx = 0.5 * Lanes::from([y, z, x, 0.0]);
         let zxy = 0.5 * Lanes::from([z, x, y, 0.0]);
         let turned = |k: usize| yzx.mul_sub(self.rows[k][1], zxy * self.rows[k][0]);
-        (force, [turned(0), turned(1), turned(2)], load.reference)
+        let mut moments = [turned(0), turned(1), turned(2)];
+        if paired {
+            let [x, y, z] = load.arm;
+            let [by_x, by_y, by_z] = self.columns;
+            let along = (by_x * x + by_y * y + by_z * z).to_array();
+            let [px, py, pz] = load.pull;
+            let pull = Lanes::from([px, py, pz, 0.0]);
+            for (moment, along) in moments.iter_mut().zip(along) {
+                *moment += pull * along;
+            }
+        }
+        (force, moments, load.reference)
     }
 }

@@ -304,7 +304,7 @@ impl Coupling {
             locator: &self.locator,
             source: Nowhere,
         };
-        self.rendezvous.place(points, None, &host, ambient)?;
+        self.rendezvous.place(points, &[], None, &host, ambient)?;
         gaussian.sites.clear();
         let lattice = &gaussian.lattice;
         gaussian

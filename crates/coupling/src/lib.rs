@@ -15,6 +15,7 @@ mod gaussian;
 mod kernel;
 mod lattice;
 mod locate;
+mod pairs;
 mod probes;
 mod rendezvous;
 mod response;

@@ -210,8 +210,10 @@ fn runs_of(part: &Part<'_>, range: Range<usize>) -> impl Iterator<Item = u32> {
     runs(places.iter().map(|place| place.element))
 }
 
-/// Where points are and what the flow is there, one entry each for every point.
+/// Where points are and what the flow is there: one entry each for every point or, of the flow, two for pairs of points.
 struct Answers<'a> {
+    /// From the middle of a pair to its second point \[m\]; empty where every point is asked for by itself.
+    arms: &'a [Vector3<f64>],
     places: &'a mut [Placement],
     held: &'a mut [Vector3<f64>],
     distances: &'a mut [f64],
@@ -228,6 +230,19 @@ struct Answers<'a> {
 impl Answers<'_> {
     #[inline(always)]
     fn put(&mut self, k: usize, flow: Flow) {
+        let Some(arm) = self.arms.get(k) else {
+            return self.put_at(k, flow);
+        };
+        let [x, y, z] = flow.gradient;
+        let away = x * arm.x + y * arm.y + z * arm.z;
+        for (point, side) in [(2 * k, -away), (2 * k + 1, away)] {
+            let velocity = flow.velocity + side;
+            self.put_at(point, Flow { velocity, ..flow });
+        }
+    }
+
+    #[inline(always)]
+    fn put_at(&mut self, k: usize, flow: Flow) {
         let Flow {
             mut velocity,
             gradient,
@@ -303,12 +318,15 @@ impl Answers<'_> {
         let places = self.places.split_at_mut(at);
         let held = self.held.split_at_mut(at);
         let distances = self.distances.split_at_mut(at);
+        let arms = self.arms.split_at(at.min(self.arms.len()));
+        let at = at * if self.arms.is_empty() { 1 } else { 2 };
         let velocity = self.velocity.split_at_mut(at);
         let gradient = self.gradient.split_at_mut(at);
         let change = self.change.split_at_mut(at);
         let travel = self.travel.split_at_mut(at.min(self.travel.len()));
         let speeds = self.speeds.split_at(at.min(self.speeds.len()));
         let first = Self {
+            arms: arms.0,
             places: places.0,
             held: held.0,
             distances: distances.0,
@@ -320,6 +338,7 @@ impl Answers<'_> {
             dt: self.dt,
         };
         let second = Self {
+            arms: arms.1,
             places: places.1,
             held: held.1,
             distances: distances.1,
@@ -377,7 +396,7 @@ pub(crate) struct Placement {
 /// How points move through the flow that they are asked for.
 #[derive(Clone, Copy)]
 pub(crate) struct Motion<'a> {
-    /// Velocities of the points \[m/s\].
+    /// Velocities of the points, of both where they are in pairs \[m/s\].
     pub speeds: &'a [Vector3<f64>],
     /// Step \[s\].
     pub dt: f64,
@@ -430,11 +449,13 @@ impl Rendezvous {
         }
     }
 
-    /// Places every point and puts what the hosts say of it, or what it meets in its `motion`, into `ambient`. Collective; one round of messages when no
+    /// Places every point and puts what the hosts say of it, or what it meets in its `motion`, into `ambient`; of pairs of points,
+    /// whose middles are placed, what both meet at the ends of their `arms`. Collective; one round of messages when no
     /// point has left the elements of its host, two otherwise. Points that this rank hosts itself are in none.
     pub fn place<S: Source>(
         &mut self,
         points: &[Vector3<f64>],
+        arms: &[Vector3<f64>],
         motion: Option<Motion<'_>>,
         host: &Host<'_, S>,
         ambient: &mut Ambient,
@@ -444,18 +465,19 @@ impl Rendezvous {
         }
         self.held.resize(points.len(), Vector3::zeros());
         self.distances.resize(points.len(), 0.0);
-        ambient.velocity.resize(points.len(), Vector3::zeros());
-        ambient.gradient.resize(points.len(), Matrix3::zeros());
-        ambient.change.resize(points.len(), Vector3::zeros());
+        let count = points.len() + arms.len();
+        ambient.velocity.resize(count, Vector3::zeros());
+        ambient.gradient.resize(count, Matrix3::zeros());
+        ambient.change.resize(count, Vector3::zeros());
         let travels = motion.is_some_and(|motion| motion.travels);
-        let travelling = if travels { points.len() } else { 0 };
+        let travelling = if travels { count } else { 0 };
         ambient.travel.resize(travelling, Vector3::zeros());
         let own = self.communicator.rank() as u32;
         // Points that this rank hosts itself: no message, and nothing on the way.
         let all = Part {
             first: 0,
             points,
-            answers: self.answers(motion, ambient),
+            answers: self.answers(arms, motion, ambient),
         };
         let bad = rayon::iter::split(all, Part::split)
             .filter_map(|mut part| host.reply_here(&mut part, own))
@@ -469,7 +491,7 @@ impl Rendezvous {
             asked.extend((0..).zip(hosts).filter(|&(_, rank)| rank != own));
         }
         let replies = self.ask(points, &asked, host);
-        let mut answers = self.answers(motion, ambient);
+        let mut answers = self.answers(arms, motion, ambient);
         for (&(k, rank), reply) in asked.iter().zip(&replies) {
             answers.keep_reply(k as usize, rank, reply);
         }
@@ -477,13 +499,14 @@ impl Rendezvous {
         let points_here = if bad.is_none() { points.len() } else { 0 };
         let open: Vec<u32> = (0..points_here as u32).filter(uncertain).collect();
         if self.agree(points, bad, !open.is_empty())? {
-            self.ask_others(points, &open, motion, host, ambient);
+            self.ask_others(points, arms, &open, motion, host, ambient);
         }
         Ok(())
     }
 
     fn answers<'a>(
         &'a mut self,
+        arms: &'a [Vector3<f64>],
         motion: Option<Motion<'a>>,
         ambient: &'a mut Ambient,
     ) -> Answers<'a> {
@@ -493,6 +516,7 @@ impl Rendezvous {
             travels: false,
         });
         Answers {
+            arms,
             places: &mut self.placements,
             held: &mut self.held,
             distances: &mut self.distances,
@@ -532,6 +556,7 @@ impl Rendezvous {
     fn ask_others<S: Source>(
         &mut self,
         points: &[Vector3<f64>],
+        arms: &[Vector3<f64>],
         open: &[u32],
         motion: Option<Motion<'_>>,
         host: &Host<'_, S>,
@@ -551,7 +576,7 @@ impl Rendezvous {
         for of_point in replies.chunk_by(|a, b| a.0.0 == b.0.0) {
             let best = of_point.iter().min_by_key(|(_, reply)| self.key(reply));
             if let Some(&(&(k, rank), reply)) = best {
-                self.answers(motion, ambient)
+                self.answers(arms, motion, ambient)
                     .keep_reply(k as usize, rank, reply);
             }
         }

@@ -21,7 +21,7 @@ impl Coupling {
     /// # Errors
     /// As [`Coupling::sample`].
     pub fn response(&mut self, points: &[Vector3<f64>]) -> Result<Vec<f64>, CouplingError> {
-        if self.gaussian.is_none() && self.rendezvous.placements.len() == points.len() {
+        if self.gaussian.is_none() && self.points() == points.len() {
             return Ok(self.response_in_elements());
         }
         let unit = Reaction {
@@ -107,6 +107,10 @@ impl Coupling {
                 answered[place.rank as usize].next().unwrap_or_default()
             }
         });
-        response.collect()
+        if self.pairs.is_none() {
+            return response.collect();
+        }
+        // Both points push there.
+        response.flat_map(|response| [2.0 * response; 2]).collect()
     }
 }

@@ -38,7 +38,7 @@ impl Coupling {
         reaction: &Reaction,
         body_force: &mut [[f64; 4]],
     ) -> Result<SpreadReport, CouplingError> {
-        let points = self.rendezvous.placements.len();
+        let points = self.points();
         check_length("reaction.force", reaction.force.len(), points)?;
         check_length("reaction.torque", reaction.torque.len(), points)?;
         check_length("body_force", body_force.len(), self.mesh.total())?;

@@ -1,7 +1,7 @@
 //! Sampling is exact for linear fields, spreading is its exact adjoint, and no point is ever lost.
 
-use fibreflow_coupling::{Coupling, CouplingError, SpreadReport};
-use fibreflow_fibre::{Ambient, Reaction};
+use fibreflow_coupling::{Coupling, CouplingError, Kernel, SpreadReport};
+use fibreflow_fibre::{Ambient, Points, Reaction};
 use fibreflow_mesh::{BoxElement, BoxMesh, Stretching};
 use fibreflow_mesh::{DualGeometry, LocalMesh, distribute, geometry};
 use fibreflow_parallel::Communicator;
@@ -83,6 +83,25 @@ impl Case {
         Coupling::new(mesh.clone(), geometry.clone(), no_slip).expect("coupling")
     }
 
+    /// With points in pairs that sample and push in their middle.
+    fn in_pairs(mut self) -> Self {
+        let (mesh, geometry) = (self.mesh.clone(), self.geometry.clone());
+        let free = vec![false; self.mesh.owned()];
+        self.coupling =
+            Coupling::with_kernel(mesh, geometry, free, Kernel::Middle).expect("coupling");
+        self
+    }
+
+    /// Pairs of points less than `apart` from each other, their middles as [`Case::points`].
+    fn pairs(&mut self, n: usize, copies: [f64; 3], apart: f64) -> Vec<V3> {
+        let middles = self.points(n, copies);
+        let around = |x: V3| {
+            let arm = 0.5 * apart * self.random() / 3.0_f64.sqrt();
+            [x - arm, x + arm]
+        };
+        middles.into_iter().flat_map(around).collect()
+    }
+
     /// Anew, without knowledge of where points were.
     fn fresh(&self) -> Coupling {
         Self::couple(&self.mesh, &self.geometry, vec![false; self.mesh.owned()])
@@ -153,6 +172,105 @@ fn a_linear_field_is_sampled_exactly_on_every_element() {
             assert!(error < 1e-12, "{element:?} gradient at {x}: {error}");
         }
     }
+}
+
+/// A flow that is linear in space, on the way of the points too.
+#[test]
+fn pairs_sample_a_linear_field_as_single_points_do() {
+    let gradient = Matrix3::new(0.3, -1.2, 0.5, 0.7, 0.1, -0.4, 2.0, 0.9, -0.8);
+    let (offset, growth) = (Vector3::new(0.2, -0.1, 0.4), Vector3::new(1.0, 0.3, -2.0));
+    for element in KINDS {
+        let mut single = Case::new(element, [4, 5, 3], [false; 3], 0.2);
+        let mut paired = Case::new(element, [4, 5, 3], [false; 3], 0.2).in_pairs();
+        let velocity = single.field(|x| offset + gradient * x);
+        let slope = single.field(|_| growth);
+        let mut points = Points {
+            position: paired.pairs(250, [1.0; 3], 0.1),
+            ..Points::default()
+        };
+        let middle = V3::from(ORIGIN) + 0.5 * V3::from(SIZE);
+        // None outside.
+        (points.position.iter_mut()).for_each(|x| *x = middle + 0.8 * (*x - middle));
+        points.velocity = (0..500).map(|_| single.random()).collect();
+        let [mut one, mut two] = [Ambient::default(), Ambient::default()];
+        for (case, ambient) in [(&mut single, &mut one), (&mut paired, &mut two)] {
+            (case.coupling)
+                .sample_met(&velocity, Some(&slope), &points, 0.3, true, ambient)
+                .expect("sample");
+        }
+        for k in 0..500 {
+            let vectors = [
+                one.velocity[k] - two.velocity[k],
+                one.change[k] - two.change[k],
+                one.travel[k] - two.travel[k],
+            ];
+            let error = vectors.map(|v| v.norm()).into_iter().fold(0.0, f64::max);
+            let error = error.max((one.gradient[k] - two.gradient[k]).norm());
+            assert!(error < 1e-12, "{element:?}, point {k}: {error}");
+        }
+    }
+}
+
+/// What pairs of points give arrives as force and torque, and does the work at the nodes that it does at the points.
+#[test]
+fn pairs_push_whole_and_by_the_adjoint() {
+    for element in KINDS {
+        for periodic in [[false; 3], [true, false, true], [true; 3]] {
+            let mut case = Case::new(element, [4, 5, 3], periodic, 0.2).in_pairs();
+            let copies = periodic.map(|p| if p { 5.0 } else { 1.0 });
+            let points = case.pairs(150, copies, 0.1);
+            let mut velocity = case.field(|_| V3::zeros());
+            for u in &mut velocity {
+                let random = case.random();
+                *u = [random.x, random.y, random.z, 0.0];
+            }
+            let ambient = case.sample(&velocity, &points);
+            let reaction = case.reaction(points.len());
+            let (report, body_force) = case.spread(&reaction);
+            let given: V3 = reaction.force.iter().sum();
+            let size: f64 = reaction.force.iter().map(V3::norm).sum();
+            assert!((report.force - given).norm() < 1e-12 * size);
+            assert!(report.defect_relative < 1e-13, "{}", report.defect_relative);
+            let (mut torque, mut power, mut work) = (V3::zeros(), 0.0, 0.0);
+            for (k, x) in points.iter().enumerate() {
+                let (f, t) = (&reaction.force[k], &reaction.torque[k]);
+                torque += x.cross(f) + t;
+                let spin = fibreflow_fibre::hydrodynamics::spin(&ambient.gradient[k]);
+                power += f.dot(&ambient.velocity[k]) + t.dot(&spin);
+                work += f.norm() * ambient.velocity[k].norm();
+            }
+            let defect = (report.torque - torque).norm();
+            assert!(
+                defect < 1e-11 * size,
+                "{element:?} {periodic:?}: torque {defect}"
+            );
+            let nodes = velocity.iter().zip(&body_force).zip(&case.geometry.volumes);
+            let by_nodes: f64 = nodes.map(|((u, f), v)| v * vector(f).dot(&vector(u))).sum();
+            assert!(
+                (power - by_nodes).abs() < 1e-13 * work,
+                "{element:?} {periodic:?}: {power} {by_nodes}"
+            );
+            let response = case.coupling.response(&points).expect("response");
+            let unit = Reaction {
+                force: vec![V3::x(); points.len()],
+                torque: vec![V3::zeros(); points.len()],
+            };
+            let (_, common) = case.spread(&unit);
+            let seen = case.sample(&common, &points).velocity;
+            for (pair, seen) in response.chunks(2).zip(seen.chunks(2)) {
+                let middle = 0.5 * (seen[0].x + seen[1].x);
+                assert_eq!(pair[0], pair[1]);
+                assert!((pair[0] - middle).abs() < 1e-12 * middle);
+            }
+        }
+    }
+    let mut case = Case::new(BoxElement::Hexahedron, [4, 5, 3], [true; 3], 0.0).in_pairs();
+    let (still, odd) = (case.field(|_| V3::zeros()), case.points(3, [1.0; 3]));
+    let error = case.coupling.sample(&still, &odd, &mut Ambient::default());
+    assert!(
+        matches!(error, Err(CouplingError::Length { found: 3, .. })),
+        "{error:?}"
+    );
 }
 
 /// Periodic in x and z, linear in y: the same values in every image.

@@ -2,6 +2,7 @@
 
 use crate::case::{Case, CouplingMode, FibreGroup, IntegratorKind, Quantity};
 use crate::scene::{Exchange, PlacementReport, Scene, kinematics as motion, length_of};
+use fibreflow_coupling::Kernel;
 use fibreflow_fibre::hydrodynamics::BUCKLING_FLEXIBILITY;
 use fibreflow_fibre::{FibreSettings, Integrator, Kinematics, Material};
 
@@ -186,9 +187,10 @@ fn linked(case: &Case, material: &Material, length: f64) -> String {
 /// How the coupling is done.
 fn coupled(exchange: &Exchange, scene: &Scene) -> Vec<String> {
     let mut lines = vec![format!("  {}", exchange.scheme)];
-    let kernel = match exchange.kernel.width() {
-        None => "  kernel: the element around a point".to_owned(),
-        Some(width) => {
+    let kernel = match exchange.kernel {
+        Kernel::Element => "  kernel: the element around a point".to_owned(),
+        Kernel::Middle => "  kernel: the element around the middle of a segment".to_owned(),
+        Kernel::Gaussian { width } => {
             let spacing = scene.flow.fluid().map_or(f64::NAN, |fluid| {
                 let nodes = fluid.mesh().total_nodes as f64;
                 (fluid.geometry().total_volume / nodes).cbrt()

@@ -14,6 +14,7 @@ pub fn ranks_agree(communicator: &Communicator) -> Outcome {
     for (element, kernel) in [
         (BoxElement::Hexahedron, Kernel::Element),
         (BoxElement::Mixed, Kernel::Element),
+        (BoxElement::Mixed, Kernel::Middle),
         (BoxElement::Mixed, GAUSSIAN),
     ] {
         let mesh = BoxMesh {

@@ -91,13 +91,11 @@ pub fn ranks_agree(communicator: &Communicator) -> Outcome {
         BoxElement::Mixed,
     ];
     let gaussian = Kernel::Gaussian { width: 0.2 };
-    let gaussians = kinds.iter().map(|&element| (element, gaussian));
-    for (element, kernel) in kinds
-        .map(|e| (e, Kernel::Element))
-        .into_iter()
-        .chain(gaussians)
-    {
-        let mine = (0..POINTS).filter(|k| k % size == rank).collect();
+    let kernels = [Kernel::Element, Kernel::Middle, gaussian];
+    let pairs = kernels.map(|kernel| kinds.map(|element| (element, kernel)));
+    for (element, kernel) in pairs.into_iter().flatten() {
+        // Both points of a pair.
+        let mine = (0..POINTS).filter(|k| k / 2 % size == rank).collect();
         let all = (0..POINTS).collect();
         let mut shared = Transfer::new(communicator, element, kernel, mine)?;
         let mut alone = Transfer::new(&Communicator::single(), element, kernel, all)?;

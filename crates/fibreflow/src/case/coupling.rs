@@ -55,6 +55,9 @@ pub enum KernelKind {
     /// Those of the element around it, by its shape functions.
     #[default]
     Element,
+    /// Those of the element around the middle of a segment (of parts no longer than the mesh), with its gradient: cheaper
+    /// than `element` by a fifth, and the same where the flow is linear along the segment. Not for linked fibres.
+    Middle,
     /// Those within 4 `width`, by a Gaussian that is exact for linear fields.
     Gaussian,
 }

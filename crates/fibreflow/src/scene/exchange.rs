@@ -105,6 +105,7 @@ impl Exchange {
         let two_way = case.coupling.mode == CouplingMode::TwoWay;
         let kernel = match (case.coupling.kernel, case.coupling.width) {
             (KernelKind::Gaussian, Some(width)) => Kernel::Gaussian { width },
+            (KernelKind::Middle, _) => Kernel::Middle,
             _ => Kernel::Element,
         };
         let (local, geometry) = (mesh.local.clone(), mesh.geometry.clone());
@@ -114,7 +115,7 @@ impl Exchange {
             Correction::None => false,
             Correction::Undisturbed => true,
             // The points of linked fibres have no memory.
-            Correction::Auto => two_way && kernel != Kernel::Element && !case.linked(),
+            Correction::Auto => two_way && kernel.width().is_some() && !case.linked(),
         };
         let wake = match inertia {
             Inertia::Steady => Wake::Steady,
@@ -127,6 +128,11 @@ impl Exchange {
             Vec::new()
         };
         let count = walls.len();
+        if kernel == Kernel::Middle && case.linked() {
+            return Err(ProgramError::input(
+                "`coupling.kernel = \"middle\"`: linked fibres have one point a segment, in its middle; `\"element\"`",
+            ));
+        }
         let scheme = SchemeChoice::new(&case.coupling, inertia)?;
         if scheme.iterated && case.linked() {
             return Err(ProgramError::input(

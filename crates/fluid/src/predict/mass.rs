@@ -22,7 +22,6 @@ impl Fluid {
         self.confine_increment();
         std::mem::swap(&mut self.momentum.next, &mut self.momentum.increment);
         self.add_lumping_error();
-        self.admit_increment();
         let inverse = self.operators.inverse_volumes();
         let (velocity, momentum) = (&self.velocity, &mut self.momentum);
         self.operators.lumping_error(
@@ -35,7 +34,8 @@ impl Fluid {
         std::mem::swap(&mut self.momentum.next, &mut self.momentum.increment);
     }
 
-    /// δ_1 = δ_0 + V⁻¹(V − M) δ_0 into `momentum.next`, for δ_0 in `momentum.increment`.
+    /// What constraints leave of δ_1 = δ_0 + V⁻¹(V − M) δ_0 into `momentum.next`, for δ_0 in `momentum.increment`. Nothing is
+    /// booked: only the last increment changes momentum.
     fn add_lumping_error(&mut self) {
         let inverse = self.operators.inverse_volumes();
         let momentum = &mut self.momentum;
@@ -46,17 +46,13 @@ impl Fluid {
                 *next = std::array::from_fn(|c| own[c] + inverse[i] * error[c]);
             },
         );
-    }
-
-    /// What constraints leave of δ_1 in `momentum.next`, or what boundaries give. Nothing is booked: only the last increment changes momentum.
-    fn admit_increment(&mut self) {
-        let mut shifts = self.boundary.shift.iter();
         for constraint in &self.boundary.constraints {
-            let next = &mut self.momentum.next[constraint.node as usize];
-            *next = constraint.admit(*next);
-            if self.boundary.velocity_fixed[constraint.node as usize] && self.boundary.moves {
-                *next = shifts.next().copied().unwrap_or_default();
-            }
+            let i = constraint.node as usize;
+            momentum.next[i] = if self.boundary.velocity_fixed[i] {
+                momentum.increment[i]
+            } else {
+                constraint.admit(momentum.next[i])
+            };
         }
     }
 
@@ -96,10 +92,6 @@ impl Fluid {
     /// δ for the rate of change δ_0 in `momentum.increment`, which constraints admit.
     pub(crate) fn correct_rate(&mut self) {
         self.add_lumping_error();
-        for constraint in &self.boundary.constraints {
-            let next = &mut self.momentum.next[constraint.node as usize];
-            *next = constraint.admit(*next);
-        }
         let inverse = self.operators.inverse_volumes();
         let momentum = &mut self.momentum;
         self.operators.lumping_error(
