@@ -9,7 +9,7 @@
     [--out DIR]        default runs/validate/floc-dispersion-critical
 
 A floc holds if a quarter of its fibres are in its largest fragment at the strain (Switzer 2002, 4.3.2). Each run goes on from the largest fragment of the one
-before (`fibreflow post extract-floc`), as fibres that have left go off exponentially in extension. Writes critical.csv, or recoil.csv.
+before (`fibreflow post extract-floc`), as fibres that have left go off exponentially in extension. Writes critical.csv and critical.png, or recoil.csv.
 """
 
 import argparse
@@ -19,8 +19,13 @@ import shutil
 import subprocess
 import sys
 
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from matplotlib.ticker import NullFormatter
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "scripts" / "bench"))
@@ -124,6 +129,24 @@ def recoil(options):
         csv.writer(file).writerows(rows)
 
 
+def figure(table, path):
+    """Brackets of the critical μ; an arrow where the floc does not hold at the largest μ either."""
+    plot, axis = plt.subplots(figsize=(5, 4))
+    for k, (flow, rows) in enumerate(table.sort_values("s_eff").groupby("flow", sort=False)):
+        shift, low, high = 1.06**k, rows.holds_not, rows.holds
+        found = np.isfinite(high)
+        middle = np.sqrt(low * high.where(found, low))
+        error = [middle - low, high.where(found, 1.5 * low) - middle]
+        axis.errorbar(shift * rows.s_eff, middle, error, lolims=~found, fmt="o-", capsize=3, color=f"C{k}", label=flow)
+    axis.loglog()
+    axis.xaxis.set_minor_formatter(NullFormatter())
+    axis.set_xlabel("S^eff")
+    axis.set_ylabel("critical coefficient of friction")
+    axis.legend()
+    plot.tight_layout()
+    plot.savefig(path, dpi=110)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true")
@@ -148,6 +171,7 @@ def main():
             print(*rows[-1], flush=True)
             with open(options.out / "critical.csv", "w", newline="") as file:
                 csv.writer(file).writerows(rows)
+    figure(pd.read_csv(options.out / "critical.csv"), options.out / "critical.png")
 
 
 if __name__ == "__main__":
