@@ -6,6 +6,7 @@ from a strain of 60 on with errors from blocks. Prints the table.
 
 import argparse
 import pathlib
+import sys
 
 import matplotlib
 
@@ -14,8 +15,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-NEAR = 5
-SHELLS = np.diff(np.arange(NEAR + 1) ** 3) / NEAR**3
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+from validate import NEAR, SHELLS  # noqa: E402
 
 
 def main():

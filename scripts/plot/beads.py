@@ -1,6 +1,7 @@
 """Two fluids and beads of a run: .venv/bin/python scripts/plot/beads.py RUN PICTURE [--times T ...]
 
-In a mesh one element thick ψ in colour and beads as circles at some times; in three dimensions the interface ψ = 0 and beads.
+In a mesh one element thick ψ in colour, where there are two fluids, and beads as circles at some times; in three dimensions the interface ψ = 0 and
+beads. Times are the nearest at which the fluid was written.
 """
 
 import argparse
@@ -42,7 +43,12 @@ def snapshots(run, wanted):
 def plane(axis, fluid, beads, size, title):
     low = np.isclose(fluid.points[:, 2], fluid.points[:, 2].min())
     x, y = fluid.points[low, 0], fluid.points[low, 1]
-    axis.tricontourf(x, y, fluid["order_parameter"][low], levels=np.linspace(-1.1, 1.1, 23), cmap="coolwarm")
+    if "order_parameter" in fluid.array_names:
+        axis.tricontourf(x, y, fluid["order_parameter"][low], levels=np.linspace(-1.1, 1.1, 23), cmap="coolwarm")
+    else:
+        # Positions are unwrapped: the chain may have left the box.
+        axis.set_xlim(beads[:, 0].mean() + 0.5 * np.array([-1, 1]) * np.ptp(y))
+        axis.set_ylim(y.min(), y.max())
     for bead in beads:
         axis.add_patch(plt.Circle(bead[:2], size, fill=False, linewidth=0.7))
     axis.set_aspect("equal")

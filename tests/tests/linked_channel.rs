@@ -48,6 +48,11 @@ fn what_linked_fibres_in_a_fluid_cannot_do_is_refused() {
             "coupling.correction",
         ),
         (
+            "[contact]",
+            "[coupling]\nkernel = \"middle\"\n\n[contact]",
+            "coupling.kernel",
+        ),
+        (
             "observables = { every = 1 }",
             "observables = { every = 1, stress = true }",
             "output.observables.stress",

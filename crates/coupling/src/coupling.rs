@@ -205,13 +205,17 @@ impl Coupling {
 
     /// Points of the last sample.
     pub(crate) fn points(&self) -> usize {
-        let places = self.rendezvous.placements.len();
-        places * if self.pairs.is_some() { 2 } else { 1 }
+        self.rendezvous.placements.len() * self.sharing()
     }
 
     /// Place of a point.
     fn place(&self, point: usize) -> usize {
-        point / if self.pairs.is_some() { 2 } else { 1 }
+        point / self.sharing()
+    }
+
+    /// Points that share a place.
+    fn sharing(&self) -> usize {
+        if self.pairs.is_some() { 2 } else { 1 }
     }
 
     pub(crate) fn communicator(&self) -> &Communicator {

@@ -6,7 +6,6 @@ use crate::coupling::Fields;
 use crate::fetch::{BLOCK, runs};
 use crate::lattice::Shift;
 use crate::locate::{Bent, Hint, Locator, Near};
-use crate::pairs::Pairs;
 use crate::rendezvous::{Flow, Host, Kept, Motion, Rendezvous, Source, vector};
 use crate::spread::Sums;
 use bytemuck::{Pod, Zeroable};
@@ -29,12 +28,17 @@ const PART: usize = 256;
 struct Load {
     force: [f64; 3],
     torque: [f64; 3],
-    /// From the place to the second of two points \[m\], and by how much its force is larger; of points in pairs.
-    arm: [f64; 3],
-    pull: [f64; 3],
     reference: [f64; 3],
     shift: Shift,
     element: u32,
+}
+
+/// What the two forces of a pair of points are beside their sum: f₂ − f₁ \[N\] at `arm` \[m\] from the place.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+struct Dipole {
+    arm: [f64; 3],
+    pull: [f64; 3],
 }
 
 /// The flow in the element that was asked last.
@@ -128,12 +132,19 @@ impl Coupling {
         target.take(self.rendezvous.placements.len(), &given, sums);
         if communicator.size() > 1 {
             let mut outgoing = vec![Vec::new(); communicator.size()];
+            let mut beside = vec![Vec::new(); communicator.size()];
             let places = self.rendezvous.placements.iter().enumerate();
             for (k, place) in places.filter(|(_, place)| place.rank != own) {
                 outgoing[place.rank as usize].push(given.load(k));
+                beside[place.rank as usize].extend(PAIRED.then(|| given.dipole(k)));
             }
-            for loads in communicator.exchange(outgoing) {
-                target.take(loads.len(), &Sent::<PAIRED>(loads), sums);
+            let incoming = communicator.exchange(outgoing);
+            if PAIRED {
+                beside = communicator.exchange(beside);
+            }
+            for (loads, dipoles) in incoming.into_iter().zip(beside) {
+                let sent = Sent::<PAIRED> { loads, dipoles };
+                target.take(sent.loads.len(), &sent, sums);
             }
         }
         let beyond = target.beyond;
@@ -223,6 +234,9 @@ trait Loads: Sync {
 
     fn load(&self, k: usize) -> Load;
 
+    /// Of points in pairs.
+    fn dipole(&self, k: usize) -> Dipole;
+
     /// Element of a load, and the shift of its point there.
     fn hint(&self, k: usize) -> Hint;
 
@@ -247,15 +261,15 @@ struct Given<'a, const PAIRED: bool> {
 }
 
 impl<const PAIRED: bool> Given<'_, PAIRED> {
-    /// Force, torque, arm and pull.
+    /// Force and torque, of both points where they are in pairs.
     #[inline(always)]
-    fn of(&self, k: usize) -> [Vector3<f64>; 4] {
+    fn of(&self, k: usize) -> [Vector3<f64>; 2] {
+        let Reaction { force, torque } = self.reaction;
         if PAIRED {
-            let [force, torque, pull] = Pairs::load(self.reaction, k);
-            [force, torque, self.arms[k], pull]
+            let [a, b] = [2 * k, 2 * k + 1];
+            [force[a] + force[b], torque[a] + torque[b]]
         } else {
-            let (force, torque) = (self.reaction.force[k], self.reaction.torque[k]);
-            [force, torque, Vector3::zeros(), Vector3::zeros()]
+            [force[k], torque[k]]
         }
     }
 }
@@ -266,15 +280,22 @@ impl<const PAIRED: bool> Loads for Given<'_, PAIRED> {
     #[inline(always)]
     fn load(&self, k: usize) -> Load {
         let place = &self.rendezvous.placements[k];
-        let [force, torque, arm, pull] = self.of(k).map(Into::into);
+        let [force, torque] = self.of(k).map(Into::into);
         Load {
             force,
             torque,
-            arm,
-            pull,
             reference: place.reference,
             shift: place.shift,
             element: place.element,
+        }
+    }
+
+    #[inline(always)]
+    fn dipole(&self, k: usize) -> Dipole {
+        let force = &self.reaction.force;
+        Dipole {
+            arm: self.arms[k].into(),
+            pull: (force[2 * k + 1] - force[2 * k]).into(),
         }
     }
 
@@ -291,11 +312,12 @@ impl<const PAIRED: bool> Loads for Given<'_, PAIRED> {
 
     #[inline(always)]
     fn book(&self, k: usize, sums: &mut Sums) {
-        let [force, torque, arm, pull] = self.of(k);
+        let [force, torque] = self.of(k);
         sums.give(&force, &torque, self.scale);
         sums.torque_given += self.rendezvous.held[k].cross(&force) + torque;
         if PAIRED {
-            sums.torque_given += arm.cross(&pull);
+            let Dipole { arm, pull } = self.dipole(k);
+            sums.torque_given += Vector3::from(arm).cross(&Vector3::from(pull));
         }
         if self.rendezvous.distance(k) > self.outside {
             sums.outside += if PAIRED { 2.0 } else { 1.0 };
@@ -304,19 +326,27 @@ impl<const PAIRED: bool> Loads for Given<'_, PAIRED> {
 }
 
 /// What points of another rank give.
-struct Sent<const PAIRED: bool>(Vec<Load>);
+struct Sent<const PAIRED: bool> {
+    loads: Vec<Load>,
+    dipoles: Vec<Dipole>,
+}
 
 impl<const PAIRED: bool> Loads for Sent<PAIRED> {
     const PAIRED: bool = PAIRED;
 
     #[inline(always)]
     fn load(&self, k: usize) -> Load {
-        self.0[k]
+        self.loads[k]
+    }
+
+    #[inline(always)]
+    fn dipole(&self, k: usize) -> Dipole {
+        self.dipoles[k]
     }
 
     #[inline(always)]
     fn hint(&self, k: usize) -> Hint {
-        (self.0[k].element, self.0[k].shift)
+        (self.loads[k].element, self.loads[k].shift)
     }
 
     #[inline(always)]
@@ -430,14 +460,14 @@ where
             continue;
         };
         let mut moments = Moments::new(near.kind());
-        let loads = (first..next).map(|k| loads.load(k));
+        let loads = (first..next).map(|k| (loads.load(k), L::PAIRED.then(|| loads.dipole(k))));
         if near.is_linear() {
             let turning = Turning::new(near.slopes([0.0; 3], &mut bent));
-            moments.add_all(loads.map(|load| turning.of(&load, L::PAIRED)));
+            moments.add_all(loads.map(|(load, dipole)| turning.of(&load, dipole)));
         } else {
-            moments.add_all(loads.map(|load| {
+            moments.add_all(loads.map(|(load, dipole)| {
                 let slopes = near.slopes(load.reference, &mut bent);
-                Turning::new(slopes).of(&load, L::PAIRED)
+                Turning::new(slopes).of(&load, dipole)
             }));
         }
         done(&Run { near, moments });
@@ -470,18 +500,18 @@ impl Turning {
 
     /// F, ½ T × ∇r_k and, of points in pairs, (f₂ − f₁) a·∇r_k with it, and where.
     #[inline(always)]
-    fn of(&self, load: &Load, paired: bool) -> (Lanes, [Lanes; 3], [f64; 3]) {
+    fn of(&self, load: &Load, dipole: Option<Dipole>) -> (Lanes, [Lanes; 3], [f64; 3]) {
         let ([fx, fy, fz], [x, y, z]) = (load.force, load.torque);
         let force = Lanes::from([fx, fy, fz, 0.0]);
         let yzx = 0.5 * Lanes::from([y, z, x, 0.0]);
         let zxy = 0.5 * Lanes::from([z, x, y, 0.0]);
         let turned = |k: usize| yzx.mul_sub(self.rows[k][1], zxy * self.rows[k][0]);
         let mut moments = [turned(0), turned(1), turned(2)];
-        if paired {
-            let [x, y, z] = load.arm;
+        if let Some(Dipole { arm, pull }) = dipole {
+            let [x, y, z] = arm;
             let [by_x, by_y, by_z] = self.columns;
             let along = (by_x * x + by_y * y + by_z * z).to_array();
-            let [px, py, pz] = load.pull;
+            let [px, py, pz] = pull;
             let pull = Lanes::from([px, py, pz, 0.0]);
             for (moment, along) in moments.iter_mut().zip(along) {
                 *moment += pull * along;

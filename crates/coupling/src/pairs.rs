@@ -9,7 +9,6 @@
 //! changes.
 
 use crate::CouplingError;
-use fibreflow_fibre::Reaction;
 use nalgebra::Vector3;
 
 /// The places of pairs of points.
@@ -38,17 +37,5 @@ impl Pairs {
         self.arms.clear();
         self.arms.extend(pairs.iter().map(|[a, b]| 0.5 * (b - a)));
         Ok(())
-    }
-
-    /// Force, torque of their own, and f₂ − f₁ of the pair `k`.
-    #[inline(always)]
-    pub fn load(reaction: &Reaction, k: usize) -> [Vector3<f64>; 3] {
-        let (force, torque) = (&reaction.force, &reaction.torque);
-        let [a, b] = [2 * k, 2 * k + 1];
-        [
-            force[a] + force[b],
-            torque[a] + torque[b],
-            force[b] - force[a],
-        ]
     }
 }
