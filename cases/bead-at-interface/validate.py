@@ -1,6 +1,7 @@
 """Contact angle of a bead at an interface against L 44, eleven affinities (E2): .venv/bin/python cases/bead-at-interface/validate.py
 
-Members -0.55 … +0.55 have the interface of the case, ξ = 3Δ (3/20 of the bead's radius), those called `thin` ξ = 1.5Δ.
+Members -0.55 … +0.55 have the interface of the case, ξ = 3Δ (3/20 of the bead's radius), those called `thin` ξ = 1.5Δ (3/40).
+`+0.55-fine` has ξ = 2Δ on a bead of 40Δ in 256² (2/40), the thinnest edge that the mesh resolves.
 Writes angles.csv and angles.png. Every bead starts at four fifths of the height that theory gives.
 """
 
@@ -19,15 +20,26 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 HERE = pathlib.Path(__file__).resolve().parent
-RADIUS, MIDDLE = 20.0, 64.0
-MEMBERS = {f"{psi_0:+.2f}{thin}": (psi_0, width) for thin, width in [("", 3.0), ("-thin", 1.5)] for psi_0 in np.linspace(-0.55, 0.55, 11)}
+# Width of the interface and radius of the bead [Δ].
+MEMBERS = {f"{psi_0:+.2f}{thin}": (psi_0, width, 20.0) for thin, width in [("", 3.0), ("-thin", 1.5)] for psi_0 in np.linspace(-0.55, 0.55, 11)}
+MEMBERS["+0.55-fine"] = (0.55, 2.0, 40.0)
 
 
-def interface(width):
-    """Settings of an interface of another width [Δ] at the same We = 0.1; a thin one takes longer to come to rest."""
-    tension = np.sqrt(8) / 3 * width / 0.1
-    profile = f"tanh((y - {MIDDLE}) / {np.sqrt(2) * width})"
-    return {"phase.interface_width": width, "phase.surface_tension": tension, "phase.initial": f'"{profile}"', "time.end": 12000 if width < 3 else 5000}
+def middle(radius):
+    """Height of the flat interface; the box is 6.4 radii wide and high."""
+    return 3.2 * radius
+
+
+def scene(width, radius):
+    """Settings of an interface of another width and a bead of another radius [Δ] at the same We = 0.1; they come to rest by diffusion, in a time of about 2.3 radius³/(width D)."""
+    profile = f"tanh((y - {middle(radius)}) / {np.sqrt(2) * width})"
+    cells = round(2 * middle(radius))
+    settings = {"phase.interface_width": width, "phase.initial": f'"{profile}"', "time.end": 5000}
+    if width < 3:
+        settings["time.end"] = round(2.25 * radius**3 / width)
+    if radius != 20:
+        settings |= {"mesh.size": [cells, cells, 1.0], "mesh.cells": [cells, cells, 1], "beads.radius": radius, "beads.cutoff": 5 * width, "time.max_step": 200.0}
+    return settings
 
 
 def excess(psi_0, fluid):
@@ -55,7 +67,7 @@ def theory(psi_0):
     return (excess(psi_0, 1) - excess(psi_0, -1)) / (np.sqrt(8) / 3)
 
 
-def measured(folder):
+def measured(folder, radius):
     """Angle from the height of the bead over the interface far away, and how fast the bead still moves."""
     bead = members.series(folder, "beads").iloc[-1]
     fluid = pv.read(sorted((folder / "fluid").glob("*.pvtu"))[-1])
@@ -66,7 +78,7 @@ def measured(folder):
     level = np.interp(0.0, psi, y)
     return {
         "height": bead.bead_0_y - level,
-        "theta": np.degrees(np.arccos(np.clip((level - bead.bead_0_y) / RADIUS, -1, 1))),
+        "theta": np.degrees(np.arccos(np.clip((level - bead.bead_0_y) / radius, -1, 1))),
         "speed": abs(bead.bead_0_v),
     }
 
@@ -78,18 +90,18 @@ def main():
     print(f"cos θ of L 44 here and in contact_angle.csv differ by {worst:.1e} at most")
     rows, missed = [], [f"L 44: {worst}"] if worst > 1e-3 else []
     for label in options.members:
-        psi_0, width = MEMBERS[label]
+        psi_0, width, radius = MEMBERS[label]
         cosine = theory(psi_0)
-        height = MIDDLE - 0.8 * RADIUS * cosine
-        chain = f"[{{ start = [64.0, {height}, 0.0], psi_0 = {psi_0} }}]"
-        folder = members.run(options, HERE / "case.toml", label, interface(width) | {"beads.chains": chain})
+        height = middle(radius) - 0.8 * radius * cosine
+        chain = f"[{{ start = [{middle(radius)}, {height}, 0.0], psi_0 = {psi_0} }}]"
+        folder = members.run(options, HERE / "case.toml", label, scene(width, radius) | {"beads.chains": chain})
         if not members.ended(folder):
             missed.append(f"{label}: not at its end")
             continue
         phase = members.series(folder, "phase")
-        row = {"width": width, "psi_0": psi_0, "theta_L44": np.degrees(np.arccos(cosine))} | measured(folder)
+        row = {"width": width, "radius": radius, "psi_0": psi_0, "theta_L44": np.degrees(np.arccos(cosine))} | measured(folder, radius)
         row["error"] = row["theta"] - row["theta_L44"]
-        row["amount_drift"] = np.abs(phase.order_parameter - phase.order_parameter.iloc[0]).max() / 128**2
+        row["amount_drift"] = np.abs(phase.order_parameter - phase.order_parameter.iloc[0]).max() / (2 * middle(radius)) ** 2
         row["wall_seconds"] = members.summary(folder)["wall_seconds"]
         rows.append(row)
         if 40 < row["theta_L44"] < 140 and abs(row["error"]) > 3:
@@ -108,9 +120,8 @@ def figure(found, path):
     line = np.linspace(-0.6, 0.6, 25)
     plot, axis = plt.subplots(figsize=(6, 4.4))
     axis.plot(line, np.degrees(np.arccos([theory(p) for p in line])), "k-", label="L 44")
-    for width, marker in [(3.0, "o"), (1.5, "x")]:
-        rows = found[found.width == width]
-        axis.plot(rows.psi_0, rows.theta, marker, label=f"fibreflow, ξ = {width:g}Δ")
+    for (width, radius), rows in found.groupby(["width", "radius"], sort=False):
+        axis.plot(rows.psi_0, rows.theta, {3.0: "o", 1.5: "x", 2.0: "+"}[width], label=f"fibreflow, ξ = {width / radius:g} r_b")
     axis.set_xlabel("ψ_0")
     axis.set_ylabel("contact angle [°]")
     axis.legend()
@@ -118,4 +129,5 @@ def figure(found, path):
     plot.savefig(path, dpi=110)
 
 
-main()
+if __name__ == "__main__":
+    main()

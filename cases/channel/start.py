@@ -1,6 +1,6 @@
 """Start of a fine channel from a developed coarse one: .venv/bin/python cases/channel/start.py COARSE_RUN NX NY NZ OUT.csv
 
-Trilinear interpolation of the last velocity field of a run of case.toml onto NX × NY × NZ cells of the same box; the program makes it
+Trilinear interpolation of the last velocity field of a run of case.toml onto NX × NY × NZ cells of its box; the program makes it
 solenoidal. Used as `fluid.initial = { kind = "file", file = "OUT.csv" }`.
 """
 
@@ -10,15 +10,14 @@ import sys
 import numpy as np
 import pyvista as pv
 
-SIZE = np.array([2 * np.pi, 2.0, np.pi])
 BETA = 2.0
 
 
-def lines(cells):
+def lines(cells, size):
     """Coordinates of the nodes; periodic directions with the repeated end."""
-    x, z = (SIZE[c] * np.arange(cells[c] + 1) / cells[c] for c in (0, 2))
+    x, z = (size[c] * np.arange(cells[c] + 1) / cells[c] for c in (0, 2))
     s = np.arange(cells[1] + 1) / cells[1]
-    y = 0.5 * SIZE[1] * (1 + np.tanh(BETA * (2 * s - 1)) / np.tanh(BETA))
+    y = 0.5 * size[1] * (1 + np.tanh(BETA * (2 * s - 1)) / np.tanh(BETA))
     return x, y, z
 
 
@@ -42,7 +41,7 @@ def main(run, nx, ny, nz, out):
     field[at] = grid["velocity"]
     if np.isnan(field).any():
         sys.exit("the coarse mesh is no box of planes")
-    x, y, z = lines([int(n) for n in (nx, ny, nz)])
+    x, y, z = lines([int(n) for n in (nx, ny, nz)], [c[-1] for c in coordinates])
     wanted = x[:-1], y, z[:-1]
     u = field
     for c in range(3):

@@ -1,6 +1,7 @@
 """Turbulent channel at Re_tau 180 (F6): .venv/bin/python cases/channel/validate.py
 
-    [--members NAME...]   of 32-o2 32-o4 48-o2 48-o4 48-o4-fast 64-o2 64-o4 96-o4 96-o4-fast 128-o4 32-prism 32-tetrahedron 32-hexahedron; default all but the last six
+    [--members NAME...]   of 32-o2 32-o4 48-o2 48-o4 48-o4-fast 64-o2 64-o4 96-o4 96-o4-fast 128-o4 48-o4-wide 64-o4-wide 32-prism 32-tetrahedron 32-hexahedron;
+                          default all but the last eight
     [--minutes M]         wall time of each member in this call, at most 100; 0 looks at what is there. Default 100
     [--threads N]         threads of a run; default all cores
     [--cost]              measures the cost of a step of each member in a run of 40 steps, alone; to be done on a quiet machine
@@ -10,7 +11,8 @@
 
 Members are meshes N × N × N of the box 2π × 2 × π with second or fourth order, in steps of Courant number 1.2 (`fast`: 1.5). Those of 48 and less start from a perturbed profile and
 are averaged over 15.6 h/u_tau after 6, as the OpenFOAM run beside them (other elements on the same nodes in steps of 1.0); finer ones start from the developed field of 48-o4, pass 3
-h/u_tau and are averaged over 30. A member that was begun goes on from its last checkpoint.
+h/u_tau and are averaged over 30. Those called `wide` have the box of the reference, 4π × 2 × 4π/3, with the same spacings in it: 48-o4-wide starts as 48-o4, 64-o4-wide from
+its field and is averaged over 15, as much of the walls as 30 of the smaller box and more. A member that was begun goes on from its last checkpoint.
 The wall time in the table is that of all steps at the cost of --cost, so that the members may share a machine.
 Writes members.csv, profiles-NAME.csv in wall units, channel.png (profiles beside Moser, Kim & Mansour 1999) and errors.png.
 """
@@ -41,9 +43,12 @@ NU = 1 / 180
 MEMBERS = {f"{n}-o{o}": (n, o, 1.2) for n, o in [(32, 2), (32, 4), (48, 2), (48, 4), (64, 2), (64, 4), (96, 4), (128, 4)]}
 MEMBERS |= {f"{n}-o4-fast": (n, 4, 1.5) for n in (48, 96)}
 # A jitter of 1e-5 has hexahedra discretised as on any mesh.
+MEMBERS |= {f"{n}-o4-wide": (n, 4, 1.2) for n in (48, 64)}
 KINDS = {"32-prism": {"mesh.element": "prism"}, "32-tetrahedron": {"mesh.element": "tetrahedron"}, "32-hexahedron": {"mesh.jitter": 1e-5, "output.statistics.spectra": []}}
 MEMBERS |= {name: (32, 2, 1.0) for name in KINDS}
 COARSE = "48-o4"
+# A box twice as long and 4/3 as wide, that of Moser, Kim & Mansour; cells across it are an even number.
+WIDE = [4 * np.pi, 2.0, 4 * np.pi / 3]
 MEAN = pd.read_csv(HERE / "reference" / "mkm1999_retau180_means.csv")
 STRESS = pd.read_csv(HERE / "reference" / "mkm1999_retau180_reystress.csv")
 OPENFOAM = pd.read_csv(HERE / "reference" / "openfoam_48.csv", comment="#")
@@ -51,9 +56,20 @@ OPENFOAM = pd.read_csv(HERE / "reference" / "openfoam_48.csv", comment="#")
 BULK = np.trapezoid(MEAN.U_plus, MEAN.y_over_h)
 
 
+def wide(name):
+    return name.endswith("-wide")
+
+
+def cells(name):
+    n = MEMBERS[name][0]
+    return [2 * n, n, 2 * (2 * n // 3)] if wide(name) else [n, n, n]
+
+
 def discretisation(name):
-    n, order, courant = MEMBERS[name]
-    settings = {"mesh.cells": f"[{n}, {n}, {n}]", "fluid.order": order, "time.cfl": courant}
+    _, order, courant = MEMBERS[name]
+    settings = {"mesh.cells": cells(name), "fluid.order": order, "time.cfl": courant}
+    if wide(name):
+        settings["mesh.size"] = WIDE
     return settings | (KINDS[name] | {"fluid.poisson.tolerance": 1e-4} if name in KINDS else {})
 
 
@@ -63,12 +79,12 @@ def run(options, name):
     if n <= 48:
         settings |= {"time.end": 21.6, "output.statistics.from": 6.0}
     else:
-        begin = options.out / f"start-{n}.csv"
+        begin = options.out / f"start-{name}.csv"
         if not begin.exists():
-            start.main(options.out / "runs" / COARSE, n, n, n, begin)
+            start.main(options.out / "runs" / (COARSE + "-wide" * wide(name)), *cells(name), begin)
         # Paths in a case file are relative to it.
         settings |= {
-            "time.end": 33.0, "output.statistics.from": 3.0, "output.statistics.block": 1.0, "output.checkpoint.interval": 1.0,
+            "time.end": 18.0 if wide(name) else 33.0, "output.statistics.from": 3.0, "output.statistics.block": 1.0, "output.checkpoint.interval": 1.0,
             "fluid.initial": f"{{ kind = 'file', file = '{begin}' }}"}
     members.run(options, case, name, settings)
 
@@ -112,7 +128,7 @@ def measure(name, folder, wall):
     peak, wanted = wall.u_rms.max(), np.sqrt(STRESS.uu_plus.max())
     cost = json.loads((folder / "cost.json").read_text()) if (folder / "cost.json").exists() else {}
     steps = pd.read_csv(folder / "series" / "friction.csv").step.iloc[-1]
-    nodes = n * n * (n + 1)
+    nodes = np.prod(cells(name)) * (n + 1) // n
     us = 1e6 * cost.get("seconds_per_node_step", np.nan)
     return {
         "member": name, "cells": n, "order": order, "courant": courant, "averaged": summary["averaging_time"], "samples": summary["samples"],
@@ -179,7 +195,7 @@ def draw_spectra(axis, folder, name):
 def errors(table, path):
     plot, axis = plt.subplots(figsize=(6, 4.5))
     for order, marker in [(2, "s--"), (4, "o-")]:
-        rows = table[(table.order == order) & (table.courant == 1.2)].sort_values("cells")
+        rows = table[(table.order == order) & (table.courant == 1.2) & ~table.member.map(wide)].sort_values("cells")
         for column, colour, label in [("U_worst_percent", "C0", "U⁺, worst beyond y⁺ = 5"), ("u_peak_percent", "C1", "peak of u'⁺")]:
             axis.loglog(rows.wall_seconds, rows[column].abs(), marker, color=colour, label=f"{label}, order {order}")
     axis.loglog([1558], [7.5], "x", color="C1", ms=9, label="OpenFOAM 48³, peak of u'⁺")

@@ -18,7 +18,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 HERE = pathlib.Path(__file__).resolve().parent
-RADIUS, WEBER, BEADS = 6.0, 0.1, 18
+RADIUS, BEADS = 6.0, 18
 STIFFNESSES = (10, 20, 40, 100, 200, 400, 700, 1000)
 MEMBERS = {f"Ec{ec}_{psi_0:+.1f}": (ec, psi_0, {}) for psi_0 in (0.0, -0.2, 0.2) for ec in STIFFNESSES}
 MEMBERS |= {f"{name}_half": (ec, psi_0, {"mesh.cells": "[128, 100, 1]"}) for name, (ec, psi_0, _) in MEMBERS.items()}
@@ -104,9 +104,8 @@ def main():
     rows, folders, missed = {}, {}, []
     for label in options.members:
         ec, psi_0, mesh = MEMBERS[label]
-        modulus = 2 * ec / (np.pi * RADIUS * WEBER)
-        chain = f"[{{ start = [26.0, 60.0, 0.0], count = {BEADS}, psi_0 = {psi_0}, youngs_modulus = {modulus} }}]"
-        folder = members.run(options, HERE / "case.toml", label, mesh | {"beads.chains": chain})
+        chain = f"[{{ start = [26.0, 60.0, 0.0], count = {BEADS}, psi_0 = {psi_0} }}]"
+        folder = members.run(options, HERE / "case.toml", label, mesh | {"beads.chains": chain, "dimensionless.elastocapillary": ec})
         if not list((folder / "fluid").glob("*.pvtu")) or not members.summary(folder):
             missed.append(f"{label}: not run")
             continue

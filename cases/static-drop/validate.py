@@ -21,11 +21,9 @@ MEMBERS = {f"{n}_{width:g}": (n, width) for n, width in [(32, 2.0), (64, 2.0), (
 
 def settings(cells, width):
     half = 0.5 * SIDE
-    tension = np.sqrt(8) / 3 * width / 0.1
     return {
         "mesh.size": [SIDE, SIDE, 1.0],
         "mesh.cells": [cells, cells, 1],
-        "phase.surface_tension": tension,
         "phase.interface_width": width,
         "phase.initial": f'"tanh(({RADIUS} - sqrt((x - {half})^2 + (y - {half})^2)) / {np.sqrt(2) * width})"',
         # The slowest mode of the drop relaxes in about 35 ξ²/D.

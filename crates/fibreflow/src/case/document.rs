@@ -109,6 +109,60 @@ impl Document {
         Ok(())
     }
 
+    /// Adds a value that follows from the one at `from`, which is where complaints about it point to.
+    ///
+    /// # Errors
+    /// [`CaseError`] when it is there already, or the table that it belongs to is not.
+    pub fn derive(&mut self, key: &str, number: f64, from: &str) -> Result<(), Box<CaseError>> {
+        let (table, name) = key.rsplit_once('.').unwrap_or(("", key));
+        let twice = format!("`{from}` gives `{key}`, which is given too");
+        let nowhere = format!("`{from}` gives `{key}`, but there is no `{table}`");
+        let Some(target) = self.get(table).and_then(toml::Value::as_table) else {
+            return Err(self.error(from, nowhere));
+        };
+        if target.contains_key(name) {
+            let error = self.error(from, twice);
+            return Err(error.with_help("leave one of them out"));
+        }
+        let mut value = &mut self.value;
+        for part in key.split('.') {
+            match descend(value, part) {
+                Some((next, _)) => value = next,
+                None => return Err(self.error(from, nowhere)),
+            }
+        }
+        *value = toml::Value::Float(number);
+        if let Some(place) = self.places.get(from).cloned() {
+            let path = key.split('.').fold(String::new(), |path, part| {
+                match (path.is_empty(), part.parse::<usize>()) {
+                    (true, _) => part.to_owned(),
+                    (_, Ok(index)) => format!("{path}[{index}]"),
+                    _ => format!("{path}.{part}"),
+                }
+            });
+            self.places.insert(path, place);
+        }
+        Ok(())
+    }
+
+    /// The number at a dotted key, if there is one.
+    pub fn number(&self, key: &str) -> Option<f64> {
+        let value = self.get(key)?;
+        value
+            .as_float()
+            .or_else(|| value.as_integer().map(|i| i as f64))
+    }
+
+    fn get(&self, key: &str) -> Option<&toml::Value> {
+        let parts = key.split('.');
+        parts
+            .filter(|part| !part.is_empty())
+            .try_fold(&self.value, |value, part| match value {
+                toml::Value::Array(entries) => entries.get(part.parse::<usize>().ok()?),
+                table => table.get(part),
+            })
+    }
+
     /// The values, without places.
     pub fn value(&self) -> &toml::Value {
         &self.value

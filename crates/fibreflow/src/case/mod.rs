@@ -11,6 +11,7 @@ mod beads;
 mod boundary;
 mod contact;
 mod coupling;
+mod dimensionless;
 mod document;
 mod error;
 mod fibres;
@@ -34,6 +35,7 @@ pub use beads::{BeadChain, Beads};
 pub use boundary::{Boundary, Factor, Profile};
 pub use contact::{Contact, ContactWall, Lubrication, LubricationModel, Repulsion, VanDerWaals};
 pub use coupling::{Correction, Coupling, CouplingMode, KernelKind, Scheme};
+pub use dimensionless::Dimensionless;
 pub use document::{Document, Place};
 pub use error::CaseError;
 pub use fibres::{
@@ -83,6 +85,9 @@ pub struct Case {
     /// Rigid beads in creeping flow, alone or joined to fibres; needs `[fluid]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub beads: Option<Beads>,
+    /// Dimensionless numbers in place of viscosity, surface tension, diffusivity and Young's modulus of beads.
+    #[serde(default, skip_serializing)]
+    pub dimensionless: Option<Dimensionless>,
     /// A prescribed analytic flow in place of `[mesh]` and `[fluid]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ambient: Option<Ambient>,
@@ -185,11 +190,12 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<(Case, Document), Box<C
     for text in overrides {
         document.set(text)?;
     }
-    let case = parse(&document)?;
+    let case = parse(&mut document)?;
     Ok((case, document))
 }
 
-fn parse(document: &Document) -> Result<Case, Box<CaseError>> {
+fn parse(document: &mut Document) -> Result<Case, Box<CaseError>> {
+    dimensionless::resolve(document)?;
     schema::check(document)?;
     let case: Case = document.value().clone().try_into().map_err(
         // The schema has accepted the document, so this is a rule that only serde knows.
@@ -208,7 +214,7 @@ mod tests {
         for o in overrides {
             document.set(o).expect("override");
         }
-        let error = parse(&document).expect_err("the case is wrong");
+        let error = parse(&mut document).expect_err("the case is wrong");
         error.render()
     }
 
@@ -240,12 +246,84 @@ placement = { kind = "random", count = 3, seed = 1 }
 
     #[test]
     fn defaults_are_filled_in() {
-        let document = Document::parse("case.toml", GOOD).expect("toml");
-        let case = parse(&document).expect("a good case");
+        let mut document = Document::parse("case.toml", GOOD).expect("toml");
+        let case = parse(&mut document).expect("a good case");
         assert_eq!(case.fibres[0].poisson_ratio, 0.3);
         let text = toml::to_string(&case).expect("written");
-        let again = Document::parse("resolved.toml", &text).expect("toml");
-        parse(&again).expect("the resolved case is a case");
+        let mut again = Document::parse("resolved.toml", &text).expect("toml");
+        parse(&mut again).expect("the resolved case is a case");
+    }
+
+    /// A drop and two chains in units in which nothing is 1.
+    const DROP: &str = r#"
+[time]
+end = 1.0
+step = 0.1
+
+[mesh]
+kind = "box"
+size = [8, 8, 1]
+cells = [16, 16, 2]
+periodic = [true, true, true]
+
+[fluid]
+density = 3
+inertia = "steady"
+
+[phase]
+interface_width = 1
+initial = "1"
+
+[dimensionless]
+reynolds = 0.01
+weber = 0.1
+peclet = 2
+elastocapillary = 40
+length = 0.5
+velocity = 7.0
+
+[beads]
+radius = 2.0
+chains = [{ start = [2, 2, 0], count = 2 }, { start = [2, 6, 0], count = 2, youngs_modulus = 5 }]
+"#;
+
+    #[test]
+    fn dimensionless_numbers_give_constants() {
+        let mut document = Document::parse("case.toml", DROP).expect("toml");
+        let case = parse(&mut document).expect("a good case");
+        let (fluid, phase) = (case.fluid.as_ref(), case.phase.as_ref());
+        let (fluid, phase) = (fluid.expect("a fluid"), phase.expect("a phase"));
+        let beads = case.beads.as_ref().expect("beads");
+        // ρU²Δ = 73.5, and a link of k_0 = πr_bE/2.
+        let stiffness = std::f64::consts::PI * 2.0 * beads.chains[0].youngs_modulus / 2.0;
+        let near = |found: f64, wanted: f64| assert!((found / wanted - 1.0).abs() < 1e-14);
+        near(fluid.viscosity, 3.0 * 7.0 * 0.5 / 0.01);
+        near(phase.diffusivity, 7.0 * 0.5 / 2.0);
+        near(phase.surface_tension, 8_f64.sqrt() / 3.0 * 2.0 * 735.0);
+        near(stiffness, 40.0 * 735.0);
+        assert_eq!(beads.chains[1].youngs_modulus, 5.0);
+
+        let text = toml::to_string(&case).expect("written");
+        let mut again = Document::parse("resolved.toml", &text).expect("toml");
+        let case = parse(&mut again).expect("the resolved case is a case");
+        assert!(case.dimensionless.is_none());
+    }
+
+    #[test]
+    fn dimensionless_numbers_that_do_not_fit() {
+        let message = complaint(DROP, &["fluid.viscosity=1.0"]);
+        assert!(message.contains("dimensionless.reynolds"), "{message}");
+        assert!(message.contains("leave one of them out"), "{message}");
+        let message = complaint(DROP, &["dimensionless.weber=-1"]);
+        assert!(message.contains("dimensionless.weber = -1"), "{message}");
+        let message = complaint(&DROP.replace("weber = 0.1", ""), &[]);
+        assert!(message.contains("needs `dimensionless.weber`"), "{message}");
+        let message = complaint(GOOD, &["dimensionless.peclet=1.0"]);
+        assert!(message.contains("there is no `phase`"), "{message}");
+        let message = complaint(DROP, &["dimensionless.capillary=1.0"]);
+        assert!(message.contains("dimensionless.capillary"), "{message}");
+        let message = complaint(&DROP.replace("density = 3", ""), &[]);
+        assert!(message.contains("density"), "{message}");
     }
 
     #[test]

@@ -22,6 +22,16 @@ pub fn check_against(root: &Json, document: &Document) -> Result<(), Box<CaseErr
     checker.check(root, document.value(), "")
 }
 
+/// The same for a table that has to be in order before the rest.
+pub(super) fn check_part<T: schemars::JsonSchema>(
+    document: &Document,
+    table: &toml::Value,
+    path: &str,
+) -> Result<(), Box<CaseError>> {
+    let root = &schemars::schema_for!(T).to_value();
+    Checker { root, document }.check(root, table, path)
+}
+
 struct Checker<'a> {
     root: &'a Json,
     document: &'a Document,
