@@ -28,50 +28,27 @@ def beads(row):
     return np.array([[row[f"bead_{k}_x"], row[f"bead_{k}_y"]] for k in range(BEADS)])
 
 
-def circle(points):
-    """Radius of the circle of least squares (L appendix C)."""
-    matrix = np.column_stack([2 * points, np.ones(len(points))])
-    x, y, rest = np.linalg.lstsq(matrix, (points**2).sum(axis=1), rcond=None)[0]
-    return np.sqrt(rest + x * x + y * y)
-
-
 def last_state(folder):
     return pv.read(sorted((folder / "fluid").glob("*.pvtu"))[-1])
 
 
-def drop(fluid):
-    """Radius of the drop (L 45): π R² = ∫_{ψ > 0.5} ψ."""
-    plane = np.abs(fluid.points[:, 2]) < 1e-9
-    psi, x = fluid["order_parameter"][plane], np.unique(fluid.points[plane, 0])
-    return (x[1] - x[0]) * np.sqrt(psi[psi > 0.5].sum() / np.pi)
-
-
-def wrapped(fluid, centres):
-    """Part of the beads on whose edge fluid A is."""
-    points, psi = fluid.points, fluid["order_parameter"]
-    inside = points[psi > 0.5][:, :2]
-    near = [np.min(np.hypot(*(inside - c).T)) < RADIUS + 4.0 for c in centres]
-    return np.mean(near)
-
-
 def measure(folder, ec, psi_0):
     history, phase = members.series(folder, "beads"), members.series(folder, "phase")
-    end, fluid = history.iloc[-1], last_state(folder)
-    centres = beads(end)
-    middle = BEADS // 2 - 3
-    bend = [circle(beads(row)[middle : middle + 6]) for _, row in history.iloc[:: max(1, len(history) // 60)].iterrows()]
-    radius = drop(fluid)
+    end, bend = history.iloc[-1], history.chain_0_radius
+    # L 45; the plane is one Δ deep.
+    radius = np.sqrt(phase.in_drops.iloc[-1] / np.pi)
+    ends = beads(end)[[0, -1]]
     total = phase.free_energy + history.elastic_energy
     return {
         "Ec": ec,
         "psi_0": psi_0,
         "time": history.index[-1],
-        "R_c": circle(centres[middle : middle + 6]),
+        "R_c": end.chain_0_radius,
         "R_drop": radius,
-        "ratio": circle(centres[middle : middle + 6]) / radius,
-        "change_in_last_tenth": abs(bend[-1] / bend[-max(2, len(bend) // 10)] - 1),
-        "wrapped": wrapped(fluid, centres),
-        "gap_of_ends": np.linalg.norm(centres[0] - centres[-1]) / (2 * RADIUS),
+        "ratio": end.chain_0_radius / radius,
+        "change_in_last_tenth": abs(bend.iloc[-1] / bend.iloc[-max(2, len(bend) // 10)] - 1),
+        "wrapped": end.chain_0_wetted,
+        "gap_of_ends": np.linalg.norm(ends[0] - ends[1]) / (2 * RADIUS),
         "largest_rise_of_energy": total.diff().max() / total.iloc[0],
         "amount_drift": np.abs(phase.order_parameter - phase.order_parameter.iloc[0]).max() / (256 * 200),
         "ns_per_node_step": 1e9 * members.summary(folder)["fluid"]["seconds_per_node_step"],

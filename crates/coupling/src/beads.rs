@@ -6,6 +6,7 @@
 //! F(X + Δt V) ≈ F(X) − Δt K V inside that solve, so that their stiffness does not limit the step; then the beads move with the flow.
 //! In a mesh that is one element thick a bead is a disc of that depth, and its beam has the stiffness of a round rod all the same.
 
+use crate::circle::radius_of_circle;
 use crate::smooth_profile::{BeadNodes, Profile, fill};
 use fibreflow_fibre::beam::{Pose, Segment};
 use fibreflow_fibre::{Matrix3, Quaternion, Vector3};
@@ -103,6 +104,9 @@ pub struct Beads {
     /// Capillary force on every bead in the step \[N\].
     capillary: Vec<f64>,
 }
+
+/// Beads whose circle is the radius of a chain.
+const FITTED: usize = 6;
 
 /// Numbers of a bead in a checkpoint.
 pub const RECORD: usize = 13;
@@ -294,6 +298,36 @@ impl Beads {
             segment.energy(self.pose(*k), self.pose(k + 1)).total()
         };
         self.beams.iter().map(of).sum()
+    }
+
+    /// Radius of every chain \[m\]: that of the circle through its six beads in the middle (L appendix C), or all where there are fewer.
+    pub fn radii(&self) -> Vec<f64> {
+        let of = |ends: &[usize]| {
+            let spare = (ends[1] - ends[0]).saturating_sub(FITTED);
+            let first = ends[0] + spare / 2;
+            let fitted = &self.beads[first..ends[1] - spare.div_ceil(2)];
+            radius_of_circle(&fitted.iter().map(|b| b.position).collect::<Vec<_>>())
+        };
+        self.offsets.windows(2).map(of).collect()
+    }
+
+    /// Part of the beads of every chain, as placed, that fluid A touches: ψ > ½ somewhere at most 2ξ from their edge. Collective.
+    pub fn wetted(&self, fluid: &Fluid, field: &PhaseField) -> Vec<f64> {
+        let Profile { radius, width, .. } = self.settings.profile;
+        let psi = field.order_parameter();
+        let touched = |part: &BodyPart| {
+            part.nodes.iter().zip(&part.arms).any(|(&i, arm)| {
+                let distance = Vector3::from(*arm).norm();
+                (radius..=radius + 2.0 * width).contains(&distance) && psi[i as usize] > 0.5
+            })
+        };
+        let mut found: Vec<f64> = self.parts.iter().map(|p| f64::from(touched(p))).collect();
+        fluid.mesh().halo.communicator().sum_slice(&mut found);
+        let of = |ends: &[usize]| {
+            let beads = &found[ends[0]..ends[1]];
+            beads.iter().filter(|ranks| **ranks > 0.0).count() as f64 / beads.len().max(1) as f64
+        };
+        self.offsets.windows(2).map(of).collect()
     }
 
     /// Largest part of r_b that a bead moves in a step of 1 s \[1/s\].

@@ -5,6 +5,7 @@ mod anderson;
 mod balance;
 mod beads;
 mod boxes;
+mod circle;
 mod closest;
 mod coupling;
 mod disturbance;

@@ -212,6 +212,36 @@ fn the_free_energy_falls_while_a_bead_moves_and_flow_and_bead_come_to_rest() {
     assert!(bead.position.y > 16.3 && fastest < 0.01);
 }
 
+/// Two beads of four in a band of fluid A, and a chain beside it; the amount in the band but for its soft edges.
+#[test]
+fn what_fluid_a_wets_and_holds() {
+    let fluid = plane([64, 80], 0.5, None);
+    let mut field = PhaseField::new(&fluid, PhaseSettings::new(1.0, 1.0, 0.5)).expect("field");
+    let band = |x: [f64; 3]| ((9.0 - (x[1] - 9.0).abs()) / SQRT_2).tanh();
+    field.set(&fluid, band).expect("start");
+    let across = Chain {
+        direction: [0.0, 1.0, 0.0],
+        count: 4,
+        ..single(8.0, 9.0)
+    };
+    let above = Chain {
+        start: [24.0, 27.0, 0.0],
+        direction: [0.0, 1.0, 0.0],
+        count: 1,
+        ..across
+    };
+    let mut beads = Beads::new(&fluid, settings(4.0, 1.0), &[across, above]);
+    beads.place(&fluid, Some(&mut field));
+    assert_eq!(beads.wetted(&fluid, &field), [0.5, 0.0]);
+    assert_eq!(beads.radii(), [f64::INFINITY; 2]);
+
+    // ∫ tanh(s/√2) from ψ = ½ on, of two edges, in a box that is 32 wide.
+    let edge = |psi: f64| SQRT_2 * psi.atanh().cosh().ln();
+    let wanted = 2.0 * (edge((9.0 / SQRT_2).tanh()) - edge(0.5)) * 32.0;
+    let found = field.in_drops(&fluid);
+    assert!((found / wanted - 1.0).abs() < 0.03, "{found} {wanted}");
+}
+
 /// Beams of any stiffness in steps of one size: a bent chain straightens, faster the stiffer it is, and keeps its length.
 #[test]
 fn stiff_chains_need_no_smaller_steps() {

@@ -68,7 +68,7 @@ const TRACK: [&str; 9] = [
     "end_to_end_z",
 ];
 
-const PHASE: [&str; 8] = [
+const PHASE: [&str; 9] = [
     "order_parameter",
     "free_energy",
     "bulk_energy",
@@ -77,6 +77,7 @@ const PHASE: [&str; 8] = [
     "dissipation",
     "lowest",
     "highest",
+    "in_drops",
 ];
 
 /// Series of fluid, fibres and tracked fibres; files on rank 0 only.
@@ -111,8 +112,8 @@ impl AllSeries {
         for &id in &case.output.track {
             tracks.push((id, open(&format!("fibre_{id}.csv"), &TRACK, true)?));
         }
-        let count = scene.flow.beads().map_or(0, |beads| beads.beads().len());
-        let names = bead_columns(count);
+        let beads = scene.flow.beads();
+        let names = beads.map_or_else(Vec::new, |b| bead_columns(b, scene.flow.phase().is_some()));
         let columns: Vec<&str> = names.iter().map(String::as_str).collect();
         Ok(Self {
             fluid: open("fluid.csv", &FLUID, scene.flow.fluid().is_some())?,
@@ -143,7 +144,11 @@ impl AllSeries {
                 put(&mut self.phase, clock, &values)?;
             }
             if let Some(beads) = scene.flow.beads() {
-                put(&mut self.beads, clock, &bead_values(beads))?;
+                let mut values = bead_values(beads);
+                if let Some(phase) = scene.flow.phase() {
+                    values.extend(beads.wetted(fluid, &phase.field));
+                }
+                put(&mut self.beads, clock, &values)?;
             }
         }
         if let Some(fibres) = &scene.fibres {
@@ -232,7 +237,7 @@ fn fluid_values(fluid: &Fluid, clock: &Clock, figures: &Figures) -> Vec<f64> {
     values
 }
 
-/// ∫ψ, free energy, what diffusion takes from it, smallest and largest ψ.
+/// ∫ψ, free energy, what diffusion takes from it, smallest and largest ψ, what is in drops of fluid A.
 fn phase_values(field: &PhaseField, fluid: &Fluid, figures: &Figures) -> [f64; PHASE.len()] {
     let energy = field.energy(fluid);
     let psi = &field.order_parameter()[..fluid.mesh().owned()];
@@ -248,17 +253,24 @@ fn phase_values(field: &PhaseField, fluid: &Fluid, figures: &Figures) -> [f64; P
         figures.phase.dissipation,
         communicator.min(lowest),
         communicator.max(highest),
+        field.in_drops(fluid),
     ]
 }
 
-/// Of the beams, and of every bead its place, velocity, spin and the force of the fluids on it.
-fn bead_columns(count: usize) -> Vec<String> {
+/// Of the beams, and of every bead its place, velocity, spin and the force of the fluids on it; of every chain its radius and, with two
+/// fluids, the part of it that fluid A wets.
+fn bead_columns(beads: &Beads, two_fluids: bool) -> Vec<String> {
     const BEAD: [&str; 12] = [
         "x", "y", "z", "u", "v", "w", "spin_x", "spin_y", "spin_z", "force_x", "force_y", "force_z",
     ];
     let of = |k: usize| BEAD.iter().map(move |name| format!("bead_{k}_{name}"));
     let mut columns = vec!["elastic_energy".to_owned()];
-    columns.extend((0..count).flat_map(of));
+    columns.extend((0..beads.beads().len()).flat_map(of));
+    let chains = 0..beads.offsets().len() - 1;
+    columns.extend(chains.clone().map(|k| format!("chain_{k}_radius")));
+    if two_fluids {
+        columns.extend(chains.map(|k| format!("chain_{k}_wetted")));
+    }
     columns
 }
 
@@ -269,6 +281,7 @@ fn bead_values(beads: &Beads) -> Vec<f64> {
             values.extend(vector.iter());
         }
     }
+    values.extend(beads.radii());
     values
 }
 

@@ -199,11 +199,20 @@ impl PhaseField {
 
     /// ∫ψ dV over the domain \[m³\]. Collective.
     pub fn integral(&self, fluid: &Fluid) -> f64 {
+        self.sum(fluid, |psi| psi)
+    }
+
+    fn sum(&self, fluid: &Fluid, of: impl Fn(f64) -> f64 + Sync) -> f64 {
         let (volumes, psi) = (fluid.operators.volumes(), &self.psi);
         let [sum] = block_sums(volumes.len(), |range| {
-            [range.map(|i| volumes[i] * psi[i]).sum()]
+            [range.map(|i| volumes[i] * of(psi[i])).sum()]
         });
         fluid.mesh.halo.communicator().sum(sum)
+    }
+
+    /// ∫ψ dV where ψ > ½ \[m³\]: what is in drops of fluid A (L 45: πR² times the depth in two dimensions). Collective.
+    pub fn in_drops(&self, fluid: &Fluid) -> f64 {
+        self.sum(fluid, |psi| if psi > 0.5 { psi } else { 0.0 })
     }
 
     /// How the factors of the step are solved, where that is done directly; known after the first step.
