@@ -3,7 +3,7 @@
     [--quick]      short runs of straight and bent fibres: that everything works
     [--out DIR]    default runs/validate/suspension-viscosity
     [--jobs N]     runs at a time, default 1
-    [--only NAMES] of rigid, concentration, helix, friction, yield; default: all
+    [--only NAMES] of rigid, rigid-long, concentration, helix, friction, yield; default: all
     [--tables]     no runs: from the tables in DIR/NAME.csv
 
 Runs the sweeps beside this file (`fibreflow sweep`; goes on where it was stopped), compares with Switzer (2002, 5.3) and writes NAME.csv, summary.txt and
@@ -29,10 +29,10 @@ sys.path.insert(0, str(ROOT / "scripts" / "bench"))
 import harness  # noqa: E402
 
 HERE = pathlib.Path(__file__).resolve().parent
-NAMES = ["rigid", "concentration", "helix", "friction", "yield"]
+NAMES = ["rigid", "rigid-long", "concentration", "helix", "friction", "yield"]
 DIAMETER = 2e-5
 # Aspect ratio of the fibres of each sweep.
-ASPECT = {"concentration": 35, "yield": 75}
+ASPECT = {"concentration": 35, "rigid-long": 75, "yield": 75}
 QUICK = """case = "case.toml"
 [set]
 "time.end" = 2.0
@@ -102,6 +102,19 @@ class Report:
         self.say(f"{'met   ' if met else 'MISSED'} {text}")
 
 
+def rods(table, aspect, dilute_line, report):
+    """Rigid rods beside the line of rods that do not touch, and what friction does to them."""
+    at = table[table.runs > 0].set_index(["friction", "nL3"])
+    for (friction, nl3), row in at.iterrows():
+        eta, error = row["structure.eta_sp"], row["structure.eta_sp_error"]
+        line, own = slender(nl3, aspect, dilute_line), slender(nl3, aspect, row["structure.alignment"])
+        report.check(
+            f"rigid, r_p = {aspect}, μ = {friction:g}, nL³ = {nl3:g}: η_sp = {eta:.4f} ± {error:.4f}, {eta / line - 1:+.1%} of the dilute line of S 2.104 (10 % asked), "
+            f"{eta / own - 1:+.1%} of S 5.12 with the directions found; contacts' part {row['structure.contact_xy'] / eta:.0%}",
+            abs(eta / line - 1) < 0.1,
+        )
+
+
 def concentration(tables, report, axes):
     aspect = ASPECT["concentration"]
     alignment, slip = dilute(aspect)
@@ -121,15 +134,7 @@ def concentration(tables, report, axes):
     axes.set(xscale="log", yscale="log", xlabel="nL³", ylabel="η_sp", title=f"r_p = {aspect}, S^eff = 0.7")
     axes.legend(fontsize=6)
     at = whole[whole.runs > 0].set_index(["shape", "friction", "nL3"])
-    for (shape, friction, nl3), row in at.iterrows():
-        if shape == "rigid":
-            eta, error = row["structure.eta_sp"], row["structure.eta_sp_error"]
-            line, own = slender(nl3, aspect, alignment + slip), slender(nl3, aspect, row["structure.alignment"])
-            report.check(
-                f"rigid, μ = {friction:g}, nL³ = {nl3:g}: η_sp = {eta:.4f} ± {error:.4f}, {eta / line - 1:+.1%} of the dilute line of S 2.104 (10 % asked), "
-                f"{eta / own - 1:+.1%} of S 5.12 with the directions found; contacts' part {row['structure.contact_xy'] / eta:.0%}",
-                abs(eta / line - 1) < 0.1,
-            )
+    rods(whole[whole["shape"] == "rigid"], aspect, alignment + slip, report)
     for shape, own in whole[whole.runs > 0].groupby("shape"):
         if shape != "rigid":
             # S 5.11 has the logarithm of the whole fibre in place of that of a segment.
@@ -245,6 +250,9 @@ def main():
     report = Report()
     if {"rigid", "concentration", "helix"} & set(tables):
         concentration(tables, report, axes[0, 0])
+    if "rigid-long" in tables:
+        aspect = ASPECT["rigid-long"]
+        rods(tables["rigid-long"], aspect, sum(dilute(aspect)), report)
     if "friction" in tables:
         friction(tables["friction"], report, axes[0, 1])
     if "yield" in tables:
