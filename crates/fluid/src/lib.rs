@@ -45,6 +45,7 @@ pub use settings::{
 pub use spectrum::EnergySpectrum;
 pub use state::FluidState;
 pub use statistics::{
-    Averaging, Column, Friction, LineSpectrum, Statistics, StatisticsReport, StatisticsSettings,
+    AROUND, Averaging, Column, Friction, LineSpectrum, Statistics, StatisticsReport,
+    StatisticsSettings,
 };
 pub use turbulence::TurbulenceBudget;

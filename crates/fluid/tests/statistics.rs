@@ -4,10 +4,10 @@ mod common;
 
 use common::{fluid_in, fluid_on, of, ring, settings};
 use fibreflow_fluid::{
-    Averaging, BoundaryCondition, Fluid, FluidSettings, Forcing, Statistics, StatisticsReport,
-    StatisticsSettings, VelocityProfile,
+    AROUND, Averaging, BoundaryCondition, Fluid, FluidSettings, Forcing, Statistics,
+    StatisticsReport, StatisticsSettings, VelocityProfile,
 };
-use fibreflow_mesh::{BoxElement, BoxMesh};
+use fibreflow_mesh::{BoxElement, BoxMesh, PipeMesh};
 use std::f64::consts::{PI, TAU};
 
 const CHANNEL: Averaging = Averaging::Planes {
@@ -306,6 +306,76 @@ fn rings_turn_with_the_place() {
     }
 }
 
+/// Waves around the axis of a pipe: one number of waves each, in the rings that are circles.
+#[test]
+fn spectra_around_a_pipe_are_exact() {
+    let mesh = PipeMesh {
+        radius: 2.0,
+        length: 3.0,
+        cells: 4,
+        core: 6,
+        layers: 8,
+        ..PipeMesh::default()
+    };
+    let mesh = mesh.build().expect("pipe");
+    let mut fluid = fluid_in(mesh, settings(1.0, 0.1, 1e-12), |_| BoundaryCondition::WALL);
+    let rings = Averaging::Rings {
+        axis: 0,
+        centre: [0.0; 3],
+    };
+    let mut statistics = Statistics::new(&fluid, about(rings, &[0, AROUND])).expect("statistics");
+    // Along the axis and the same along it: solenoidal.
+    let shape = |r: f64| r.powi(3) * (4.0 - r * r);
+    let waves = |[_, y, z]: [f64; 3]| {
+        let (r, angle) = (y.hypot(z), z.atan2(y));
+        [1.0 + shape(r) * (3.0 * angle).cos(), 0.0, 0.0]
+    };
+    fluid.set_velocity(waves).expect("waves");
+    statistics.sample(&fluid, 1.0);
+    let report = statistics.report(&fluid).expect("a sample");
+    let [along, around] = &report.spectra[..] else {
+        panic!("two spectra");
+    };
+    assert_eq!(along.bins.len(), report.positions.len());
+    assert!(
+        (4..report.positions.len()).contains(&around.bins.len()),
+        "{:?}",
+        around.bins
+    );
+    assert_eq!(
+        *around.bins.last().expect("bins"),
+        report.positions.len() - 1
+    );
+    let count = around.wavenumbers.len();
+    assert_eq!(count, 13);
+    for (k, &bin) in around.bins.iter().enumerate() {
+        let r = report.positions[bin];
+        // Nodes on the wall do not move.
+        let square = if bin + 1 < report.positions.len() {
+            0.5 * shape(r).powi(2)
+        } else {
+            0.0
+        };
+        let of_ring = |values: &[f64]| values[k * count..(k + 1) * count].to_vec();
+        for (m, found) in of_ring(&around.spectra[0]).into_iter().enumerate() {
+            assert_eq!(around.wavenumbers[m], m as f64);
+            close(
+                found,
+                if m == 3 { square } else { 0.0 },
+                1e-6,
+                "waves around",
+            );
+        }
+        for (angle, found) in around
+            .separations
+            .iter()
+            .zip(of_ring(&around.correlations[0]))
+        {
+            close(found, square * (3.0 * angle).cos(), 1e-6, "correlation");
+        }
+    }
+}
+
 /// Nodes that lie on no planes are averaged in layers of many nodes, at the mean of their positions: exact for a linear profile.
 #[test]
 fn meshes_without_planes_are_averaged_in_layers() {
@@ -353,6 +423,8 @@ fn meshes_without_lines_are_refused() {
     });
     let refused = Statistics::new(&fluid, about(CHANNEL, &[0])).expect_err("jittered");
     assert!(refused.to_string().contains("spectra along x"), "{refused}");
+    let refused = Statistics::new(&fluid, about(CHANNEL, &[AROUND])).expect_err("planes");
+    assert!(refused.to_string().contains("rings"), "{refused}");
     let across = Averaging::Planes {
         normal: 0,
         flow: 1,

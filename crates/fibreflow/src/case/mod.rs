@@ -57,7 +57,7 @@ pub use population::{Axis, Orbits, Orientation, Quantity, Region, Shortfall, Spr
 pub use run::{Exact, Output, Schedule, Time};
 pub use samples::{SamplePoints, Samples};
 pub use schema::{check_against, json_schema};
-pub use statistics::{Average, Statistics};
+pub use statistics::{Average, Line, Statistics};
 pub use validate::{validate_domain, validate_patches};
 
 use schemars::JsonSchema;
@@ -357,6 +357,27 @@ chains = [{ start = [2, 2, 0], count = 2 }, { start = [2, 6, 0], count = 2, youn
             message.contains("fibres[0].placement.kind") && message.contains("`random`"),
             "{message}"
         );
+    }
+
+    #[test]
+    fn spectra_go_along_planes_and_around_rings() {
+        let average = |kind: &str, spectra: &str| {
+            format!(
+                "{GOOD}\n[output.statistics]\naverage = {{ kind = {kind} }}\nspectra = [{spectra}]\n"
+            )
+        };
+        let planes = r#""planes", normal = "y", flow = "x""#;
+        for (kind, line) in [
+            (planes, "around"),
+            (planes, "y"),
+            (r#""rings", axis = "x""#, "z"),
+        ] {
+            let message = complaint(&average(kind, &format!("\"{line}\"")), &[]);
+            assert!(message.contains("across the planes or rings"), "{message}");
+        }
+        let text = average(r#""rings", axis = "x""#, r#""x", "around""#);
+        let mut document = Document::parse("case.toml", &text).expect("toml");
+        parse(&mut document).expect("a good case");
     }
 
     #[test]

@@ -27,9 +27,10 @@ pub struct Statistics {
     pub block: Option<f64>,
     /// Nodes that are averaged together.
     pub average: Average,
-    /// Periodic directions along which spectra and two-point correlations are taken; nodes must be equally spaced there.
+    /// Periodic directions along which spectra and two-point correlations are taken, where nodes must be equally spaced; and `around` the
+    /// circles of rings, of those that consist of equally spaced nodes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub spectra: Vec<Axis>,
+    pub spectra: Vec<Line>,
 }
 
 impl Statistics {
@@ -41,6 +42,20 @@ impl Statistics {
             interval: self.interval,
         }
     }
+}
+
+/// A direction of spectra.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Line {
+    /// Along x.
+    X,
+    /// Along y.
+    Y,
+    /// Along z.
+    Z,
+    /// Around rings: wavenumbers are numbers of waves, separations are angles.
+    Around,
 }
 
 /// Nodes that are averaged together. Velocities u, v, w are those along the flow, across planes or rings, and the third.

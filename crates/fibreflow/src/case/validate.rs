@@ -1,8 +1,8 @@
 //! Rules that no schema can say: which keys go together, what must fit into what.
 
 use super::{
-    Average, Axis, Case, CaseError, Clamp, ContactWall, Correction, CouplingMode, Document,
-    DragLaw, Exact, Forcing, Initial, KernelKind, Kinematics, MeshSource, Observables, Placement,
+    Average, Case, CaseError, Clamp, ContactWall, Correction, CouplingMode, Document, DragLaw,
+    Exact, Forcing, Initial, KernelKind, Kinematics, Line, MeshSource, Observables, Placement,
     Quantity, Region, SamplePoints, Schedule, Scheme, SlenderBody, Spheroid, TorqueLaw, schema,
 };
 
@@ -271,14 +271,16 @@ fn check_statistics(case: &Case, document: &Document) -> Checked {
         let help = "two different directions: `flow` along the planes, `normal` across them";
         return Err(document.value_error(path, message).with_help(help));
     }
-    let wrong = |&along: &Axis| match average {
-        Average::Planes { normal, .. } => along == normal,
-        Average::Rings { axis, .. } => along != axis,
+    let wrong = |&along: &Line| match average {
+        Average::Planes { normal, .. } => {
+            along == Line::Around || along as usize == normal as usize
+        }
+        Average::Rings { axis, .. } => along != Line::Around && along as usize != axis as usize,
     };
     if let Some(k) = statistics.spectra.iter().position(wrong) {
         let path = format!("output.statistics.spectra[{k}]");
         let message = format!("`{path}` goes across the planes or rings");
-        let help = "directions in planes, or that of the axis of rings";
+        let help = "directions in planes, or that of the axis of rings and `around`";
         return Err(document.value_error(&path, message).with_help(help));
     }
     Ok(())

@@ -159,7 +159,7 @@ impl StatisticsOutput {
             (folder.join("statistics.csv"), profiles(report)),
         ];
         for spectrum in &report.spectra {
-            let name = ["x", "y", "z"][spectrum.axis];
+            let name = ["x", "y", "z", "around"][spectrum.axis];
             let (energy, correlation) = lines(spectrum, &report.positions);
             files.push((folder.join(format!("spectrum_{name}.csv")), energy));
             files.push((folder.join(format!("correlation_{name}.csv")), correlation));
@@ -216,7 +216,7 @@ fn settings(about: &About, end: f64) -> StatisticsSettings {
         },
         from: about.from,
         block: about.block.unwrap_or((end - about.from) / BLOCKS),
-        spectra: about.spectra.iter().map(|&a| axis(a)).collect(),
+        spectra: about.spectra.iter().map(|&line| line as usize).collect(),
     }
 }
 
@@ -243,7 +243,7 @@ fn profiles(report: &StatisticsReport) -> String {
 fn lines(spectrum: &LineSpectrum, positions: &[f64]) -> (String, String) {
     let table = |header: &str, at: &[f64], products: &[Vec<f64>; 4]| {
         let mut text = header.to_owned();
-        for (bin, position) in positions.iter().enumerate() {
+        for (bin, position) in spectrum.bins.iter().map(|&b| positions[b]).enumerate() {
             for (k, place) in at.iter().enumerate() {
                 let _ = write!(text, "{position:?},{place:?}");
                 for product in products {

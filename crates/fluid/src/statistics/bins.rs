@@ -151,6 +151,18 @@ impl Bins {
         }
     }
 
+    /// Of rings: along the axis \[m\], radius \[m\] and angle of a place.
+    pub fn around(&self) -> Option<impl Fn([f64; 3]) -> [f64; 3] + use<>> {
+        let Frame::Rings { axis, centre } = self.frame else {
+            return None;
+        };
+        let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
+        Some(move |x: [f64; 3]| {
+            let (p, q) = (x[b] - centre[b], x[c] - centre[c]);
+            [x[axis], p.hypot(q), q.atan2(p)]
+        })
+    }
+
     pub fn rings(&self) -> bool {
         matches!(self.frame, Frame::Rings { .. })
     }

@@ -48,9 +48,12 @@ pub struct StatisticsSettings {
     pub from: f64,
     /// Length of the first blocks of time \[s\].
     pub block: f64,
-    /// Axes along which spectra and correlations are taken.
+    /// Axes along which spectra and correlations are taken, and [`AROUND`].
     pub spectra: Vec<usize>,
 }
+
+/// In place of an axis: around the circles of rings, by angle.
+pub const AROUND: usize = 3;
 
 /// Blocks of time that are kept; when there would be more, neighbours are joined.
 const BLOCKS: usize = 64;
@@ -93,10 +96,11 @@ pub struct Statistics {
 const HEAD: &str = "statistics.head";
 const WEIGHTS: &str = "statistics.weights";
 const SUMS: &str = "statistics.sums";
-const SPECTRA: [&str; 3] = [
+const SPECTRA: [&str; 4] = [
     "statistics.spectra_x",
     "statistics.spectra_y",
     "statistics.spectra_z",
+    "statistics.spectra_around",
 ];
 
 impl Statistics {

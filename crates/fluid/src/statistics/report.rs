@@ -22,14 +22,16 @@ pub struct Column {
 /// Spectra and correlations along an axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LineSpectrum {
-    /// Axis: 0, 1 or 2.
+    /// Axis: 0, 1 or 2, or [`super::AROUND`]: wavenumbers are then numbers of waves around, separations are angles.
     pub axis: usize,
+    /// The bins that it is of.
+    pub bins: Vec<usize>,
     /// Wavenumbers \[rad/m\].
     pub wavenumbers: Vec<f64>,
     /// Separations \[m\].
     pub separations: Vec<f64>,
     /// One-sided spectra of u₁, u₂, u₃ and the cospectrum of u₁u₂ \[m³/s²\], by bin and wavenumber: their sums times the
-    /// spacing of wavenumbers are the Reynolds stresses.
+    /// spacing of wavenumbers are the Reynolds stresses. Bins are those of `bins`.
     pub spectra: [Vec<f64>; PRODUCTS],
     /// ⟨u'(x) u'(x + r)⟩ of u₁, u₂, u₃ and, even part, of u₁u₂ \[m²/s²\], by bin and separation.
     pub correlations: [Vec<f64>; PRODUCTS],
@@ -335,7 +337,9 @@ impl Statistics {
             let step = 2.0 * std::f64::consts::PI / lines.length;
             let mut spectra: [Vec<f64>; PRODUCTS] = Default::default();
             let mut correlations: [Vec<f64>; PRODUCTS] = Default::default();
-            for (bin, sums) in sums.chunks_exact_mut(PRODUCTS * waves).enumerate() {
+            for &bin in &lines.bins {
+                let start = bin * PRODUCTS * waves;
+                let sums = &mut sums[start..start + PRODUCTS * waves];
                 let u = &means[bin * COUNT + U..];
                 let square = [u[0] * u[0], u[1] * u[1], u[2] * u[2], u[0] * u[1]];
                 for (product, sums) in sums.chunks_exact_mut(waves).enumerate() {
@@ -347,6 +351,7 @@ impl Statistics {
             }
             LineSpectrum {
                 axis: lines.axis,
+                bins: lines.bins.clone(),
                 wavenumbers: (0..waves).map(|k| k as f64 * step).collect(),
                 separations: (0..waves)
                     .map(|k| k as f64 * lines.length / lines.count as f64)
