@@ -1,7 +1,7 @@
 """Contact angle of a bead at an interface against L 44, eleven affinities (E2): .venv/bin/python cases/bead-at-interface/validate.py
 
 Members -0.55 … +0.55 have the interface of the case, ξ = 3Δ (3/20 of the bead's radius), those called `thin` ξ = 1.5Δ (3/40).
-`+0.55-fine` has ξ = 2Δ on a bead of 40Δ in 256² (2/40), the thinnest edge that the mesh resolves.
+`-0.55-fine` and `+0.55-fine` have ξ = 2Δ on a bead of 40Δ in 256² (2/40), the thinnest edge that the mesh resolves.
 Writes angles.csv and angles.png. Every bead starts at four fifths of the height that theory gives.
 """
 
@@ -22,7 +22,7 @@ import matplotlib.pyplot as plt
 HERE = pathlib.Path(__file__).resolve().parent
 # Width of the interface and radius of the bead [Δ].
 MEMBERS = {f"{psi_0:+.2f}{thin}": (psi_0, width, 20.0) for thin, width in [("", 3.0), ("-thin", 1.5)] for psi_0 in np.linspace(-0.55, 0.55, 11)}
-MEMBERS["+0.55-fine"] = (0.55, 2.0, 40.0)
+MEMBERS |= {f"{psi_0:+.2f}-fine": (psi_0, 2.0, 40.0) for psi_0 in (-0.55, 0.55)}
 
 
 def middle(radius):
@@ -31,12 +31,12 @@ def middle(radius):
 
 
 def scene(width, radius):
-    """Settings of an interface of another width and a bead of another radius [Δ] at the same We = 0.1; they come to rest by diffusion, in a time of about 2.3 radius³/(width D)."""
+    """Settings of an interface of another width and a bead of another radius [Δ] at the same We = 0.1; they come to rest by diffusion, in a time of about radius³/(width D)."""
     profile = f"tanh((y - {middle(radius)}) / {np.sqrt(2) * width})"
     cells = round(2 * middle(radius))
     settings = {"phase.interface_width": width, "phase.initial": f'"{profile}"', "time.end": 5000}
     if width < 3:
-        settings["time.end"] = round(2.25 * radius**3 / width)
+        settings["time.end"] = round((2.25 if radius == 20 else 1.25) * radius**3 / width)
     if radius != 20:
         settings |= {"mesh.size": [cells, cells, 1.0], "mesh.cells": [cells, cells, 1], "beads.radius": radius, "beads.cutoff": 5 * width, "time.max_step": 200.0}
     return settings

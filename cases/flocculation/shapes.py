@@ -51,6 +51,7 @@ def main():
     axes[3].plot(found.curvature[floc], found.nL3[floc], "ko", label="one floc of a quarter and more")
     axes[3].plot(found.curvature[~floc], found.nL3[~floc], "ko", mfc="none", label="homogeneous")
     axes[3].set_ylabel("nL³")
+    axes[3].set_ylim(0, 1.4 * found.nL3.max())
     for axis in axes:
         axis.set_xlabel("b/R_U")
         axis.legend(fontsize=7)
