@@ -9,19 +9,19 @@ use std::f64::consts::PI;
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Dimensionless {
-    /// Reynolds number Re = ρUΔ/η; gives `fluid.viscosity`. Default: not given so.
+    /// Reynolds number Re = ρUΔ/η, in place of `fluid.viscosity`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub reynolds: Option<f64>,
-    /// Weber number We = ρU²Δ/σ_0 with σ_0 the energy density of mixing times Δ; gives `phase.surface_tension` (√8/3)(ξ/Δ)σ_0. Default: not given so.
+    /// Weber number We = ρU²Δ/σ_0 with σ_0 the energy density of mixing times Δ, in place of `phase.surface_tension` = (√8/3)(ξ/Δ)σ_0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub weber: Option<f64>,
-    /// Péclet number Pe = UΔ/D; gives `phase.diffusivity`. Default: not given so.
+    /// Péclet number Pe = UΔ/D, in place of `phase.diffusivity`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub peclet: Option<f64>,
-    /// Elasto-capillary number Ec = k_0/σ_0 with the stiffness k_0 = πr_bE/2 of a link; gives `youngs_modulus` of chains of beads that have none. Needs `weber`. Default: not given so.
+    /// Elasto-capillary number Ec = k_0/σ_0 with the stiffness k_0 = πr_bE/2 of a link, in place of `youngs_modulus` of the chains of beads that have none; needs `weber`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub elastocapillary: Option<f64>,
