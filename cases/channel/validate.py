@@ -208,7 +208,7 @@ def errors(table, path):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--members", nargs="+", choices=list(MEMBERS), default=[m for m in MEMBERS if MEMBERS[m][0] < 96 and m not in KINDS])
+    parser.add_argument("--members", nargs="+", choices=list(MEMBERS), default=[m for m in MEMBERS if MEMBERS[m][0] < 96 and m not in KINDS and not wide(m)])
     parser.add_argument("--minutes", type=float, default=100)
     parser.add_argument("--threads", type=int, default=os.cpu_count())
     parser.add_argument("--cost", action="store_true")

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from validate import NEAR, SHELLS  # noqa: E402
+from validate import near  # noqa: E402
 
 
 def main():
@@ -26,9 +26,7 @@ def main():
     options = parser.parse_args()
     found = pd.read_csv(options.sweep / "results.csv")
     found.columns = [name.removeprefix("structure.") for name in found.columns]
-    bins = [f"g_{k}" for k in range(1, NEAR + 1)]
-    found["near"] = found[bins].to_numpy() @ SHELLS
-    found["near_error"] = np.sqrt(found[[b + "_error" for b in bins]].to_numpy() ** 2 @ SHELLS**2)
+    found["near"], found["near_error"] = near(found)
     columns = [("contacts_per_fibre", "contacts a fibre"), ("largest_floc", "largest floc"), ("near", "g(r < 0.1 L)"), ("eta_sp", "η_sp")]
     print(found[["member", *(c for name, _ in columns for c in (name, name + "_error"))]].round(3).to_string(index=False))
     figure, axes = plt.subplots(1, len(columns), figsize=(15, 5), sharey=True)

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from validate import NEAR, SHELLS  # noqa: E402
+from validate import near  # noqa: E402
 
 # Half a segment by the radius of a fibre: r_p = 75, five segments.
 HALF_SEGMENT = 15.0
@@ -36,9 +36,7 @@ def main():
     options = parser.parse_args()
     found = pd.read_csv(options.sweep / "results.csv")
     found = found[found.runs > 0].rename(columns=lambda name: name.removeprefix("structure."))
-    bins = [f"g_{k}" for k in range(1, NEAR + 1)]
-    found["near"] = found[bins].to_numpy() @ SHELLS
-    found["near_error"] = np.sqrt(found[[b + "_error" for b in bins]].to_numpy() ** 2 @ SHELLS**2)
+    found["near"], found["near_error"] = near(found)
     found["curvature"] = curvature(found.bend)
     columns = [("contacts_per_fibre", "contacts a fibre"), ("largest_floc", "largest floc"), ("near", "g(r < 0.1 L)")]
     print(found[["nL3", "bend", "curvature", *(c for name, _ in columns for c in (name, name + "_error"))]].round(4).to_string(index=False))

@@ -58,6 +58,12 @@ def run(member, seed, strain, out):
     return pd.read_csv(series), *map(float, done.read_text().split())
 
 
+def near(table):
+    """g(r < 0.1 L) of a table of a sweep, and its error."""
+    bins = [f"g_{k}" for k in range(1, NEAR + 1)]
+    return table[bins].to_numpy() @ SHELLS, np.sqrt(table[[b + "_error" for b in bins]].to_numpy() ** 2 @ SHELLS**2)
+
+
 def over_seeds(table):
     """Means over the seeds of each member, and their standard errors."""
     names = ["contacts", "g_0.01L", "g_0.1L", "largest_floc", "eta_sp"]

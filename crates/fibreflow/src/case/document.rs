@@ -82,19 +82,8 @@ impl Document {
         let entry = table.get_ref().get("value");
         let value = entry.map_or(toml::Value::Boolean(false), |v| plain(v.get_ref()));
 
-        let mut target = &mut self.value;
-        let mut path = String::new();
-        for part in key.trim().split('.') {
-            let (next, step) = descend(target, part)
-                .ok_or_else(|| bad(format!("`{key}` leads nowhere: `{part}` is not there")))?;
-            if step.starts_with('[') || path.is_empty() {
-                path.push_str(&step);
-            } else {
-                path.push('.');
-                path.push_str(&step);
-            }
-            target = next;
-        }
+        let (target, path) = reach(&mut self.value, key.trim())
+            .map_err(|part| bad(format!("`{key}` leads nowhere: `{part}` is not there")))?;
         *target = value;
         let inside = |p: &str| {
             p == path || p.starts_with(&format!("{path}.")) || p.starts_with(&format!("{path}["))
@@ -124,22 +113,11 @@ impl Document {
             let error = self.error(from, twice);
             return Err(error.with_help("leave one of them out"));
         }
-        let mut value = &mut self.value;
-        for part in key.split('.') {
-            match descend(value, part) {
-                Some((next, _)) => value = next,
-                None => return Err(self.error(from, nowhere)),
-            }
-        }
+        let Ok((value, path)) = reach(&mut self.value, key) else {
+            return Err(self.error(from, nowhere));
+        };
         *value = toml::Value::Float(number);
         if let Some(place) = self.places.get(from).cloned() {
-            let path = key.split('.').fold(String::new(), |path, part| {
-                match (path.is_empty(), part.parse::<usize>()) {
-                    (true, _) => part.to_owned(),
-                    (_, Ok(index)) => format!("{path}[{index}]"),
-                    _ => format!("{path}.{part}"),
-                }
-            });
             self.places.insert(path, place);
         }
         Ok(())
@@ -238,6 +216,23 @@ impl Document {
             other => plain(other),
         }
     }
+}
+
+/// The value at a dotted key, with tables made on the way, and its path; or the part of the key that leads nowhere.
+fn reach<'a, 'k>(
+    mut target: &'a mut toml::Value,
+    key: &'k str,
+) -> Result<(&'a mut toml::Value, String), &'k str> {
+    let mut path = String::new();
+    for part in key.split('.') {
+        let (next, step) = descend(target, part).ok_or(part)?;
+        if !step.starts_with('[') && !path.is_empty() {
+            path.push('.');
+        }
+        path.push_str(&step);
+        target = next;
+    }
+    Ok((target, path))
 }
 
 fn descend<'a>(target: &'a mut toml::Value, part: &str) -> Option<(&'a mut toml::Value, String)> {

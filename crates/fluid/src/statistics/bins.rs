@@ -61,10 +61,15 @@ impl Frame {
     }
 }
 
+/// From an axis to a place, in the two directions across it \[m\].
+fn across(axis: usize, centre: [f64; 3], x: [f64; 3]) -> [f64; 2] {
+    [1, 2].map(|k| x[(axis + k) % 3] - centre[(axis + k) % 3])
+}
+
 /// Directions along an axis, away from it and around it.
 fn around(axis: usize, centre: [f64; 3], x: [f64; 3]) -> [[f64; 3]; 3] {
     let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
-    let (p, q) = (x[b] - centre[b], x[c] - centre[c]);
+    let [p, q] = across(axis, centre, x);
     let radius = p.hypot(q);
     let (cos, sin) = if radius > 0.0 {
         (p / radius, q / radius)
@@ -92,8 +97,8 @@ impl Bins {
             }
             Frame::Planes { axes, .. } => x[axes[1]],
             Frame::Rings { axis, centre } => {
-                let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
-                (x[b] - centre[b]).hypot(x[c] - centre[c])
+                let [p, q] = across(axis, centre, x);
+                p.hypot(q)
             }
         };
         let owned: Vec<f64> = (mesh.nodes[..mesh.owned()].iter())
@@ -156,9 +161,8 @@ impl Bins {
         let Frame::Rings { axis, centre } = self.frame else {
             return None;
         };
-        let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
         Some(move |x: [f64; 3]| {
-            let (p, q) = (x[b] - centre[b], x[c] - centre[c]);
+            let [p, q] = across(axis, centre, x);
             [x[axis], p.hypot(q), q.atan2(p)]
         })
     }
