@@ -139,6 +139,11 @@ impl Communicator {
         self.all_reduce(values, Reduction::Sum);
     }
 
+    /// Element-wise largest over ranks, in place; none may be NaN.
+    pub fn max_slice(&self, values: &mut [f64]) {
+        self.all_reduce(values, Reduction::Max);
+    }
+
     /// Largest over ranks; a NaN on any rank gives NaN.
     pub fn max(&self, value: f64) -> f64 {
         let mut values = [

@@ -43,8 +43,10 @@ pub struct ContactSettings {
     pub friction: f64,
     /// k_t / k_n (α of K 3.30b).
     pub tangential_ratio: f64,
-    /// Pairs nearer than this beyond touching are kept until an end has moved by half of it \[m\].
+    /// Pairs nearer than this beyond touching are kept until ends have moved apart by so much \[m\].
     pub skin: f64,
+    /// Whether the skin may grow, up to the longest segment, while few pairs are kept.
+    pub skin_grows: bool,
     /// Repulsion at a distance.
     pub repulsion: Option<Repulsion>,
     /// Attraction at a distance.
@@ -71,6 +73,7 @@ impl ContactSettings {
             friction: 0.0,
             tangential_ratio: 2.0 / 7.0,
             skin,
+            skin_grows: false,
             repulsion: None,
             van_der_waals: None,
             lubrication: None,

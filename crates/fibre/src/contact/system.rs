@@ -1,19 +1,27 @@
 //! All contacts of a rank: candidate pairs, ghosts of foreign segments, forces, friction springs.
 
 use crate::Vector3;
-use crate::contact::broad::{Found, search};
+use crate::contact::broad::{Found, Search, search};
 use crate::contact::images::Images;
 use crate::contact::law::Law;
 use crate::contact::linear::Sway;
 use crate::contact::loads::Loads;
 use crate::contact::pairs::{Bodies, Ghost, Pairs};
 use crate::contact::springs::{FrictionRecord, carry};
-use crate::contact::travel::Travel;
+use crate::contact::travel::{Extent, Travel};
 use crate::contact::wall::{WallContacts, WallTotals};
 use crate::contact::{ContactError, ContactSettings, SegmentLoad, Segments};
 use bytemuck::Zeroable;
 use fibreflow_parallel::{Communicator, Halo};
 use rayon::prelude::*;
+
+/// Pairs a segment on the list below which the skin grows, and above which it shrinks: one that rests costs a hundredth of
+/// what a segment does in a step, a search a third.
+const SHORT_LIST: f64 = 1.0;
+const LONG_LIST: f64 = 4.0;
+const SKIN_STEP: f64 = 1.5;
+/// Part of the shortest period that the reach of a search may grow to; half of it is the limit.
+const ROOM: f64 = 0.45;
 
 /// Contacts between the segments of all ranks, and with walls.
 pub struct ContactSystem {
@@ -22,6 +30,8 @@ pub struct ContactSystem {
     communicator: Communicator,
     built: Option<Built>,
     travel: Travel,
+    /// That of the next search \[m\].
+    skin: f64,
     pairs: Pairs,
     halo: Halo,
     /// Owned segments as other ranks see them, then ghosts; empty where no rank has ghosts of another.
@@ -100,6 +110,7 @@ impl ContactSystem {
         Ok(Self {
             law: Law::new(&settings)?,
             walls: WallContacts::new(&settings.walls, &settings.periodic)?,
+            skin: settings.skin,
             settings,
             communicator: communicator.clone(),
             built: None,
@@ -132,7 +143,7 @@ impl ContactSystem {
         Images::new(periodic, rate, rate * self.time)
     }
 
-    /// Searches for pairs again when needed: an end has moved by half the skin on any rank, segments have come, gone
+    /// Searches for pairs again when needed: ends have moved apart by the skin on any ranks, or towards a wall by half of it, segments have come, gone
     /// or changed owner, or friction springs were restored. Collective; to be called before every
     /// [`ContactSystem::forces`].
     ///
@@ -145,29 +156,45 @@ impl ContactSystem {
             .filter(|_| self.pending.is_empty())
             .map(|b| time - b.time);
         // Infinite: segments have come or gone, springs were restored, or something is not finite.
-        let step = passed.map_or(f64::INFINITY, |passed| {
+        let step = passed.map_or(Extent::BEYOND, |passed| {
             let strain = self.settings.shear_rate * passed;
             self.travel.step(segments.position, strain)
         });
-        let step = self.communicator.max(step);
-        let (Some(passed), true) = (passed, step < f64::INFINITY) else {
+        let step = step.over(&self.communicator);
+        let (Some(passed), true) = (passed, step.longest() < f64::INFINITY) else {
             return self.rebuild(segments, true);
         };
-        self.travel.path += step;
-        let half_skin = 0.5 * self.settings.skin;
-        if self.walls.speed() * passed.abs() > half_skin {
+        self.travel.add(&step);
+        if self.outgrown(segments, passed) {
             return self.rebuild(segments, false);
         }
-        if !self.travel.due(half_skin) {
-            return Ok(());
+        Ok(())
+    }
+
+    /// Whether the lists no longer hold all that can touch, `passed` seconds after the search. Collective.
+    fn outgrown(&mut self, segments: &Segments<'_>, passed: f64) -> bool {
+        let half_skin = 0.5 * self.skin;
+        if self.walls.speed() * passed.abs() > half_skin {
+            return true;
         }
-        let distance = self.travel.distance(segments.position);
-        let distance = self.communicator.max(distance);
-        if distance < half_skin {
-            self.travel.measured(distance);
-            return Ok(());
+        if self.travel.pairs.due(half_skin) {
+            let moved = self.travel.moved(segments.position);
+            let distance = self.travel.distance(&moved.over(&self.communicator));
+            if distance >= half_skin {
+                return true;
+            }
+            self.travel.pairs.measured(distance);
         }
-        self.rebuild(segments, false)
+        if !self.walls.is_empty() && self.travel.walls.due(half_skin) {
+            let nearer = |moved: &Vector3| self.walls.nearer(moved);
+            let distance = self.travel.largest(segments.position, nearer);
+            let distance = self.communicator.max(distance);
+            if distance >= half_skin {
+                return true;
+            }
+            self.travel.walls.measured(distance);
+        }
+        false
     }
 
     fn rebuild(&mut self, segments: &Segments<'_>, moved: bool) -> Result<(), ContactError> {
@@ -175,8 +202,17 @@ impl ContactSystem {
             self.loads.clear();
         }
         let range = self.law.far.range();
-        let reach = self.settings.skin + range;
-        let found = search(&self.communicator, segments, &self.images(), reach)?;
+        let images = self.images();
+        let look = |skin: f64| search(&self.communicator, segments, &images, skin + range);
+        let found = match look(self.skin) {
+            // Segments have grown longer since the skin grew.
+            Err(ContactError::PeriodicTooShort { .. }) if self.skin > self.settings.skin => {
+                self.skin = self.settings.skin;
+                look(self.skin)?
+            }
+            found => found?,
+        };
+        let reach = self.skin + range;
         let published = if moved { self.records() } else { Vec::new() };
         let known = self.springs(|_| true);
         self.walls.rebuild(segments, reach, self.time);
@@ -186,6 +222,7 @@ impl ContactSystem {
         let (pair_springs, wall_springs) = springs.split_at(found.pairs.len());
         self.walls.set_springs(wall_springs);
         self.connect(segments, &found.pairs, pair_springs);
+        self.fit_skin(segments, &found);
         self.travel = Travel::new(segments.position, found.reach);
         self.built = Some(Built {
             ids: segments.ids.to_vec(),
@@ -195,6 +232,28 @@ impl ContactSystem {
         self.totals.rebuilds += 1;
         self.totals.tests = found.tests;
         Ok(())
+    }
+
+    /// Widens the skin of the next search while the list is short, so that searches are rare, and narrows it where the
+    /// list is long. Collective.
+    fn fit_skin(&mut self, segments: &Segments<'_>, found: &Search) {
+        if !self.settings.skin_grows {
+            return;
+        }
+        let rank = self.communicator.rank() as u32;
+        let pairs = found.pairs.iter().filter(|pair| pair.owner[0] == rank);
+        let mut counts = [pairs.count() as f64, segments.count() as f64];
+        self.communicator.sum_slice(&mut counts);
+        let [pairs, all] = counts;
+        if pairs < SHORT_LIST * all {
+            let lengths = self.settings.periodic.lengths.into_iter().flatten();
+            let segment = found.reach - self.skin - self.law.far.range();
+            let room = ROOM * lengths.fold(f64::INFINITY, f64::min) - (found.reach - self.skin);
+            let widest = segment.min(room);
+            self.skin = (self.skin * SKIN_STEP).min(widest).max(self.skin);
+        } else if pairs > LONG_LIST * all {
+            self.skin = (self.skin / SKIN_STEP).max(self.settings.skin);
+        }
     }
 
     /// Numbers the ghosts, and lists the pairs of every owned segment.
@@ -234,7 +293,7 @@ impl ContactSystem {
             segments,
             ghosts: &self.ghosts,
         };
-        let (law, path) = (&self.law, self.travel.path);
+        let (law, path) = (&self.law, self.travel.pairs.length);
         let lost = self
             .pairs
             .respond(bodies, law, &images, path, dt, &self.loads);

@@ -246,6 +246,21 @@ impl WallContacts {
         speeds.fold(0.0, f64::max)
     }
 
+    /// How much nearer to any wall a node can be that has moved so \[m\].
+    pub fn nearer(&self, moved: &Vector3) -> f64 {
+        let by = self.walls.iter().map(|wall| match &wall.form {
+            Form::Plane { normal, .. } => normal.dot(moved).abs(),
+            Form::Pipe { axis, .. } => (moved - axis * axis.dot(moved)).norm(),
+            Form::Facets(_) => moved.norm(),
+        });
+        by.fold(0.0, |most: f64, x| if x <= most { most } else { x })
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.walls.is_empty()
+    }
+
     /// Lists the segments within `reach` of a wall after `time`, without springs.
     pub fn rebuild(&mut self, segments: &Segments<'_>, reach: f64, time: f64) {
         self.candidates.clear();

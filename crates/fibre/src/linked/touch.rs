@@ -122,19 +122,19 @@ impl Neighbours {
         range: f64,
         skin: f64,
     ) -> Result<(), ContactError> {
-        let step = self.built.map_or(f64::INFINITY, |at| {
-            self.travel.step(&self.position, strain - at)
-        });
-        self.travel.path += step;
         let half = 0.5 * skin;
-        if step < f64::INFINITY {
-            if !self.travel.due(half) {
-                return Ok(());
-            }
-            let distance = self.travel.distance(&self.position);
-            if distance < half {
-                self.travel.measured(distance);
-                return Ok(());
+        if let Some(at) = self.built {
+            let step = self.travel.step(&self.position, strain - at);
+            if step.longest() < f64::INFINITY {
+                self.travel.add(&step);
+                if !self.travel.pairs.due(half) {
+                    return Ok(());
+                }
+                let distance = self.travel.distance(&self.travel.moved(&self.position));
+                if distance < half {
+                    self.travel.pairs.measured(distance);
+                    return Ok(());
+                }
             }
         }
         let segments = Segments {

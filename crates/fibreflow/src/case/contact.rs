@@ -27,7 +27,7 @@ pub struct Contact {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub sliding_friction: Option<f64>,
-    /// Pairs nearer than this beyond touching are kept between searches [m]. Default: the largest diameter.
+    /// Pairs nearer than this beyond touching are kept between searches [m]. Default: the largest diameter; for beams it grows, up to the longest segment, while few pairs are kept.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub skin: Option<f64>,

@@ -30,6 +30,7 @@ pub fn settings(
         shear_rate: shear_rate(case),
         count_crossings: contact.count_crossings,
         periodic: periodic_box(case, periods),
+        skin_grows: contact.skin.is_none(),
         ..ContactSettings::new(stiffness, contact.skin.unwrap_or(thickest))
     })
 }

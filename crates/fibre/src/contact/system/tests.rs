@@ -340,3 +340,67 @@ fn settings_are_checked() {
         .contains("wall 1: its normal points along a periodic direction")
     );
 }
+
+#[test]
+fn a_common_stream_needs_no_search_but_walls_are_met() {
+    let stream = Vector3::new(1.0, 0.0, 0.0);
+    let mut rods = cross();
+    rods.velocity.fill(stream);
+    let settings = || ContactSettings {
+        walls: vec![Wall::plane(Vector3::new(5.0, 0.0, 0.0), -Vector3::x())],
+        ..settings()
+    };
+    // A hundred skins of way, alone and towards a wall.
+    for (walls, searches) in [(Vec::new(), 1..=1), (settings().walls, 100..=220)] {
+        let mut rods = rods.clone();
+        let settings = ContactSettings {
+            walls,
+            ..settings()
+        };
+        let mut contacts = contacts(settings.clone());
+        for _ in 0..1000 {
+            rods.position.iter_mut().for_each(|x| *x += 0.01 * stream);
+            contacts.update(&rods.segments()).expect("update");
+            // The first rod's ends at x = ±1 before the wall or behind it.
+            if rods.position[1].x > 4.95 && rods.position[1].x < 5.0 && !settings.walls.is_empty() {
+                contacts.forces(&rods.segments(), 1e-6);
+                assert!(contacts.statistics().wall_contacts > 0);
+            }
+        }
+        let found = contacts.statistics().rebuilds;
+        assert!(searches.contains(&found), "{found}");
+    }
+}
+
+#[test]
+fn a_skin_that_grows_changes_no_load() {
+    let mut rods = Rods::random(200, 6.0, 9);
+    rods.velocity
+        .iter_mut()
+        .for_each(|v| *v += Vector3::new(100.0, -20.0, 3.0));
+    let run = |skin_grows: bool| {
+        let settings = ContactSettings {
+            skin_grows,
+            periodic: PeriodicBox {
+                lengths: [Some(9.0), None, Some(9.0)],
+                ..PeriodicBox::unbounded()
+            },
+            walls: vec![Wall::plane(Vector3::new(0.0, -4.0, 0.0), Vector3::y())],
+            ..settings()
+        };
+        let (mut rods, mut contacts) = (rods.clone(), contacts(settings));
+        for _ in 0..300 {
+            rods.step(&mut contacts, Vector3::zeros(), 2e-4);
+        }
+        (rods.position, contacts.statistics())
+    };
+    let ((fixed, before), (grown, after)) = (run(false), run(true));
+    assert!(before.contacts > 0 && before.wall_contacts > 0);
+    assert_eq!(fixed, grown);
+    assert!(
+        3 * after.rebuilds < 2 * before.rebuilds,
+        "{} {}",
+        after.rebuilds,
+        before.rebuilds
+    );
+}
