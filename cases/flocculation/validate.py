@@ -68,7 +68,7 @@ def over_seeds(table):
     """Means over the seeds of each member, and their standard errors."""
     names = ["contacts", "g_0.01L", "g_0.1L", "largest_floc", "eta_sp"]
     groups = table.astype({name: float for name in names}).groupby("member")[names]
-    return groups.mean().join(groups.sem(), rsuffix="_error").assign(seeds=groups.size())
+    return groups.mean().join(groups.sem().add_suffix("_error")).assign(seeds=groups.size())
 
 
 def main():

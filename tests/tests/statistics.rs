@@ -65,12 +65,14 @@ fn table(bench: &Bench, out: &str, name: &str) -> Vec<(String, Vec<f64>)> {
 
 /// Largest difference of any column, by the largest magnitude in it or, for sums that cancel, in the table's scale.
 fn difference(bench: &Bench, a: &str, b: &str, scale: f64) -> f64 {
+    let names = ["statistics", "spectrum_x", "correlation_z"];
+    difference_of(bench, [a, b], scale, &names)
+}
+
+fn difference_of(bench: &Bench, [a, b]: [&str; 2], scale: f64, names: &[&str]) -> f64 {
     let mut worst = 0.0f64;
-    for name in [
-        "profiles/statistics.csv",
-        "profiles/spectrum_x.csv",
-        "profiles/correlation_z.csv",
-    ] {
+    for name in names {
+        let name = &format!("profiles/{name}.csv");
         let (a, b) = (table(bench, a, name), table(bench, b, name));
         assert_eq!(a.len(), b.len());
         for ((name, a), (_, b)) in a.iter().zip(&b) {
@@ -119,6 +121,39 @@ fn averages_do_not_depend_on_the_ranks() {
     run(&bench, 1, "half", &["--steps=100", "--resume"]).expect("one rank");
     let worst = difference(&bench, "one", "half", 1e-12);
     assert!(worst < 1e-8, "{worst}");
+}
+
+/// Rings, and waves along and around a pipe whose rings lie across ranks.
+#[test]
+fn averages_in_a_pipe_do_not_depend_on_the_ranks() {
+    let case = include_str!("../../cases/pipe/case.toml");
+    let bench = Bench::new(env!("CARGO_BIN_EXE_program"), case);
+    let small = [
+        "--steps=12",
+        "--set=mesh.cells=8",
+        "--set=mesh.core=4",
+        "--set=mesh.layers=4",
+        "--set=mesh.length=2",
+        "--set=output.statistics.from=0",
+        "--set=output.statistics.every=2",
+        "--set=output.statistics.block=0.1",
+        "--set=fluid.poisson.tolerance=1e-12",
+    ];
+    run(&bench, 1, "one", &small).expect("one rank");
+    for (ranks, out) in [(2, "two"), (3, "three")] {
+        let Some(()) = run(&bench, ranks, out, &small) else {
+            return;
+        };
+        let names = [
+            "statistics",
+            "spectrum_x",
+            "spectrum_around",
+            "correlation_around",
+        ];
+        let worst = difference_of(&bench, ["one", out], 1e-6, &names);
+        println!("1 and {ranks} ranks: {worst:.1e}");
+        assert!(worst < 1e-8, "{worst}");
+    }
 }
 
 /// Probes and lines on two ranks are those on one; every set has its own times, and a resumed run goes on with all of them.
