@@ -3,7 +3,7 @@
 use crate::Matrix3;
 use nalgebra::SMatrix;
 
-/// One block row; `factor` replaces `diagonal` by the inverse pivot and `upper` by inverse pivot × upper.
+/// One block row; [`factor_with`] replaces `diagonal` by the inverse pivot and `upper` by inverse pivot × upper.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BlockRow<const N: usize = 3> {
     pub lower: SMatrix<f64, N, N>,
@@ -34,14 +34,9 @@ pub(crate) fn inverse(m: &Matrix3) -> Matrix3 {
     ) * scale
 }
 
-/// Factors in place the rows that `row` finds in `entries`. Without pivoting: the matrix must be block-dominant or
-/// positive definite. The answer of A x = b is then, from the first row down, y = diagonal (b − lower y_above), and
-/// from the last row up, x = y − upper x_below.
-pub(crate) fn factor<T>(entries: &mut [T], row: impl Fn(&mut T) -> &mut BlockRow) {
-    factor_with(entries, row, inverse);
-}
-
-/// As [`factor`] with any blocks and a way to invert one.
+/// Factors in place the rows that `row` finds in `entries`, given a way to invert a block. Without pivoting: the matrix must
+/// be block-dominant or positive definite. The answer of A x = b is then, from the first row down,
+/// y = diagonal (b − lower y_above), and from the last row up, x = y − upper x_below.
 #[inline(always)]
 pub(crate) fn factor_with<T, const N: usize>(
     entries: &mut [T],
@@ -78,7 +73,7 @@ mod tests {
             let rhs: Vec<Vector3> = (0..n).map(|_| block().column(0).into()).collect();
             let mut x = rhs.clone();
             let mut factored = rows.clone();
-            factor(&mut factored, |row| row);
+            factor_with(&mut factored, |row| row, inverse);
             let mut above = Vector3::zeros();
             for (x, row) in x.iter_mut().zip(&factored) {
                 *x = row.diagonal * (*x - row.lower * above);

@@ -23,11 +23,12 @@ mod inertia;
 pub(crate) use inertia::{Added, displaced};
 
 use crate::beam::tangent;
-use crate::blocktri::{self, BlockRow};
+use crate::blocktri;
 use crate::hydrodynamics::{DragModel, FluidProperties, Resistance, Section, TorqueModel, spin};
 use crate::integrate::{Batch, Flow};
 use crate::linear_slip::{LinearSlip, for_arms};
 use crate::points::abscissa;
+use crate::symmetric::Symmetric;
 use crate::system::{Load, Model, NodeConstants};
 use crate::{Ambient, Matrix3, Vector3};
 
@@ -47,14 +48,16 @@ pub struct Hydrodynamics {
 /// Drag on a node in the current step, and means over its sub-steps.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct NodeDrag {
-    /// Row of M + δt D, factored.
-    row: BlockRow,
+    /// Pivot of M + δt D, inverted; before that its block on the diagonal.
+    pivot: Symmetric,
+    /// Its block of this node and the next.
+    next: Symmetric,
     /// Σ N w Z u at the end of the step \[N\].
     drive: Vector3,
     /// Its change in the step.
     drive_change: Vector3,
     /// Σ N w R \[N·m·s\].
-    spin_resistance: Matrix3,
+    spin_resistance: Symmetric,
     /// Σ N w (RΩ + T_s) \[N·m\].
     spin_drive: Vector3,
     mean_velocity: Vector3,
@@ -68,10 +71,11 @@ pub(crate) struct NodeDrag {
 impl NodeDrag {
     pub fn zero() -> Self {
         Self {
-            row: BlockRow::zero(),
+            pivot: Symmetric::default(),
+            next: Symmetric::default(),
             drive: Vector3::zeros(),
             drive_change: Vector3::zeros(),
-            spin_resistance: Matrix3::zeros(),
+            spin_resistance: Symmetric::default(),
             spin_drive: Vector3::zeros(),
             mean_velocity: Vector3::zeros(),
             mean_spin: Vector3::zeros(),
@@ -128,7 +132,7 @@ impl Batch<'_> {
         let nodes = &model.nodes[model.node_range(fibre)];
         for (drag, node) in self.drag.iter_mut().zip(nodes) {
             *drag = NodeDrag::zero();
-            drag.row.diagonal = Matrix3::from_diagonal_element(node.mass);
+            drag.pivot = Symmetric::unit(node.mass);
         }
         let segments = model.segment_range(fibre);
         let first = model.points[segments.start];
@@ -173,30 +177,31 @@ impl Batch<'_> {
                 let turning = r * spin(gradient) + point.strain_torque;
                 for (node, share) in [(i, 1.0 - xi), (i + 1, xi)] {
                     let drag = &mut self.drag[node];
-                    drag.row.diagonal += z * (step * share * share);
+                    drag.pivot.add(&z, step * share * share);
                     drag.drive += zu * share;
                     drag.drive_change += change * share;
-                    drag.spin_resistance += r * share;
+                    drag.spin_resistance.add(&r, share);
                     drag.spin_drive += turning * share;
                 }
-                let mutual = z * (step * xi * (1.0 - xi));
-                self.drag[i].row.upper += mutual;
-                self.drag[i + 1].row.lower += mutual;
+                self.drag[i].next.add(&z, step * xi * (1.0 - xi));
             }
             along += section.segment_length;
         }
         if flow.inertia {
             self.prepare_inertia(model, flow);
         }
+        // Thomas: a held node takes nothing from the one before.
+        let mut taken = Matrix3::zeros();
         for (drag, node) in self.drag.iter_mut().zip(nodes) {
             if node.holds_translation {
-                drag.row = BlockRow {
-                    diagonal: Matrix3::identity(),
-                    ..BlockRow::zero()
-                };
+                taken = Matrix3::zeros();
+                continue;
             }
+            drag.pivot.add(&taken, -1.0);
+            drag.pivot = drag.pivot.inverse();
+            let next = drag.next.matrix();
+            taken = next * drag.pivot.matrix() * next;
         }
-        blocktri::factor(self.drag, |drag| &mut drag.row);
         if let Some(linear) = linear {
             self.prepare_linear_slip(model, &linear, &linear_slip, ambient, step);
         }
@@ -231,22 +236,22 @@ impl Batch<'_> {
                 .map_or(Vector3::zeros(), |c| c * lever);
         });
         let nodes = &model.nodes[model.node_range(fibre)];
-        let mut above = Matrix3::zeros();
+        let mut passed = Matrix3::zeros();
         for (drag, node) in self.drag.iter_mut().zip(nodes) {
-            let share = if node.holds_translation {
-                0.0
-            } else {
-                drag.lever
-            };
-            drag.drive += c * drive * share;
-            drag.drive_change += c * change * share;
-            let own = Matrix3::from_diagonal_element(share);
-            above = drag.row.diagonal * (own - drag.row.lower * above);
-            drag.by_lever = above;
+            drag.by_lever = Matrix3::zeros();
+            if !node.holds_translation {
+                drag.drive += c * drive * drag.lever;
+                drag.drive_change += c * change * drag.lever;
+                let own = Matrix3::from_diagonal_element(drag.lever);
+                drag.by_lever = drag.pivot.matrix() * (own - passed);
+            }
+            passed = drag.next.matrix() * drag.by_lever;
         }
         let (mut below, mut taken) = (Matrix3::zeros(), Matrix3::zeros());
-        for drag in self.drag.iter_mut().rev() {
-            drag.by_lever -= drag.row.upper * below;
+        for (drag, node) in self.drag.iter_mut().zip(nodes).rev() {
+            if !node.holds_translation {
+                drag.by_lever -= drag.pivot.matrix() * drag.next.matrix() * below;
+            }
             below = drag.by_lever;
             taken += below * drag.lever;
         }
@@ -261,7 +266,7 @@ impl Batch<'_> {
     /// clears `load`; `moment` is the middle of the sub-step as a fraction of the step.
     pub fn kick_with_drag(&mut self, model: &Model, step: f64, share: f64, moment: f64) {
         let nodes = &model.nodes[model.node_range(self.fibres.start)];
-        let (mut above, mut carried) = (Vector3::zeros(), Vector3::zeros());
+        let (mut passed, mut carried) = (Vector3::zeros(), Vector3::zeros());
         for (i, node) in nodes.iter().enumerate() {
             let load = std::mem::replace(&mut self.load[i], Load::ZERO);
             let drag = &mut self.drag[i];
@@ -273,25 +278,27 @@ impl Batch<'_> {
             drag.mean_spin += *w * share;
             let after = self.velocity.get(i + 1).copied();
             let v = &mut self.velocity[i];
-            let mut impulse = if node.holds_translation {
-                *v
-            } else {
+            let before = *v;
+            if !node.holds_translation {
                 let drive = drag.drive + drag.drive_change * (moment - 1.0);
-                *v * node.mass + (load.force + drive) * step
-            };
-            if let Some(added) = self.added.get(i) {
-                if !node.holds_translation {
-                    let next = added.next * after.unwrap_or_default();
-                    impulse += added.own * *v + carried + next;
+                let mut impulse = before * node.mass + (load.force + drive) * step - passed;
+                if let Some(added) = self.added.get(i) {
+                    let next = added.next.times(&after.unwrap_or_default());
+                    impulse += added.own.times(&before) + carried + next;
                 }
-                carried = added.next * *v;
+                *v = drag.pivot.times(&impulse);
             }
-            above = drag.row.diagonal * (impulse - drag.row.lower * above);
-            *v = above;
+            if let Some(added) = self.added.get(i) {
+                carried = added.next.times(&before);
+            }
+            passed = drag.next.times(v);
         }
         let (mut below, mut moment) = (Vector3::zeros(), Vector3::zeros());
-        for (v, drag) in self.velocity.iter_mut().zip(self.drag.iter_mut()).rev() {
-            *v -= drag.row.upper * below;
+        let rows = self.velocity.iter_mut().zip(self.drag.iter_mut());
+        for ((v, drag), node) in rows.zip(nodes).rev() {
+            if !node.holds_translation {
+                *v -= drag.pivot.times(&drag.next.times(&below));
+            }
             below = *v;
             drag.mean_velocity += below * share;
             moment += below * drag.lever;
@@ -361,9 +368,8 @@ impl NodeDrag {
         let across = node.transverse_inertia;
         let excess = node.axial_inertia - across;
         let momentum = w * across + t * (excess * w.dot(t));
-        let matrix = Matrix3::from_diagonal_element(across)
-            + t * t.transpose() * excess
-            + self.spin_resistance * step;
-        blocktri::inverse(&matrix) * (momentum + (torque + self.spin_drive) * step)
+        let matrix = self.spin_resistance.combined(step, across, t, excess);
+        let impulse = momentum + (torque + self.spin_drive) * step;
+        matrix.inverse().times(&impulse)
     }
 }

@@ -13,7 +13,8 @@ use crate::hydrodynamics::AmbientFlow;
 use crate::lanes::Packed;
 use crate::system::{Load, Model, Motion, NodeConstants, Scratch};
 use crate::{
-    Ambient, FibreError, FibreSettings, FibreSystem, FlowFormula, Quaternion, Reaction, Vector3,
+    Ambient, FibreError, FibreSettings, FibreSystem, FlowFormula, Integrator, Quaternion, Reaction,
+    Vector3,
 };
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -352,6 +353,9 @@ impl Batch<'_> {
 
     /// Sub-step `k` of `n` from the middle of its first drift on, with that of the next one.
     pub fn sub_step(&mut self, model: &Model, drag: bool, k: usize, n: usize, step: f64) {
+        if drag && self.packed(model) {
+            return self.sub_step_in_lanes(model, k, n, step);
+        }
         self.add_forces(model);
         if drag {
             let share = 1.0 / n as f64;
@@ -442,7 +446,8 @@ impl FibreSystem {
                 requirement: "positive and finite",
             });
         }
-        if self.settings.hydrodynamics.is_none() && self.model.packed.is_empty() {
+        let implicit = matches!(self.settings.integrator, Integrator::Implicit(_));
+        if !implicit && self.model.packed.is_empty() {
             self.model.packed = Packed::new(&self.model);
         }
         if self.settings.budget {

@@ -96,44 +96,50 @@ impl Work {
         }
     }
 
-    fn load(&mut self, batch: &Batch) {
+    /// Takes the places of a fibre's nodes.
+    fn load_poses(&mut self, batch: &Batch) {
         self.fit(batch.position.len());
-        let stride = self.stride;
-        let mut columns = self.state.chunks_exact_mut(stride);
-        let mut next = || columns.next().expect("one column a component");
-        let mut vectors = |from: &[Vector3]| {
-            let (x, y, z) = (next(), next(), next());
-            for (i, v) in from.iter().enumerate() {
-                (x[i], y[i], z[i]) = (v.x, v.y, v.z);
-            }
-        };
-        vectors(batch.position);
-        vectors(batch.velocity);
-        let (w, i, j, k) = (next(), next(), next(), next());
+        self.load_vectors(POSITION, batch.position);
+        let mut columns = self.state[ORIENTATION * self.stride..].chunks_exact_mut(self.stride);
+        let [w, i, j, k] = std::array::from_fn(|_| columns.next().expect("a component"));
         for (n, q) in batch.orientation.iter().enumerate() {
             (w[n], i[n], j[n], k[n]) = (q.w, q.i, q.j, q.k);
         }
-        let (x, y, z) = (next(), next(), next());
-        for (i, v) in batch.angular_velocity.iter().enumerate() {
+    }
+
+    fn load_vectors(&mut self, column: usize, from: &[Vector3]) {
+        let mut columns = self.state[column * self.stride..].chunks_exact_mut(self.stride);
+        let [x, y, z] = std::array::from_fn(|_| columns.next().expect("a component"));
+        for (i, v) in from.iter().enumerate() {
             (x[i], y[i], z[i]) = (v.x, v.y, v.z);
         }
     }
 
-    fn store(&self, batch: &mut Batch) {
-        let column = |c: usize| &self.state[c * self.stride..(c + 1) * self.stride];
-        let vectors = |to: &mut [Vector3], c: usize| {
-            let (x, y, z) = (column(c), column(c + 1), column(c + 2));
-            for (i, v) in to.iter_mut().enumerate() {
-                *v = Vector3::new(x[i], y[i], z[i]);
-            }
-        };
-        vectors(batch.position, POSITION);
-        vectors(batch.velocity, VELOCITY);
-        vectors(batch.angular_velocity, SPIN);
-        let [w, i, j, k] = [0, 1, 2, 3].map(|c| column(ORIENTATION + c));
-        for (n, q) in batch.orientation.iter_mut().enumerate() {
+    fn column(&self, c: usize) -> &[f64] {
+        &self.state[c * self.stride..(c + 1) * self.stride]
+    }
+
+    fn store_vectors(&self, column: usize, to: &mut [Vector3]) {
+        let [x, y, z] = [0, 1, 2].map(|c| self.column(column + c));
+        for (i, v) in to.iter_mut().enumerate() {
+            *v = Vector3::new(x[i], y[i], z[i]);
+        }
+    }
+
+    fn store_orientations(&self, to: &mut [Quaternion]) {
+        let [w, i, j, k] = [0, 1, 2, 3].map(|c| self.column(ORIENTATION + c));
+        for (n, q) in to.iter_mut().enumerate() {
             *q = Quaternion::new_unchecked(nalgebra::Quaternion::new(w[n], i[n], j[n], k[n]));
         }
+    }
+
+    /// What the segments before and after a node exert on it: force and torque.
+    #[inline(always)]
+    fn on_node(&self, i: usize) -> [Vector3; 2] {
+        let at = |column: usize, entry: usize| {
+            Vector3::from_fn(|axis, _| self.exerted[(column + axis) * self.stride + entry])
+        };
+        [at(0, i) - at(0, i + 1), at(6, i) + at(3, i + 1)]
     }
 
     /// What the segments exert at the present positions.
@@ -179,22 +185,21 @@ impl Work {
                 set(&mut velocity, l, &v);
                 set(&mut spin, l, &w);
             }
-            // The parts of the rotation are about as fast as the whole.
-            let fastest = (0..WIDTH).map(|l| vector(&spin, l).norm_squared());
-            let angle = 0.25 * drift * drift * fastest.fold(0.0, f64::max);
-            if angle < SMALL_TURN {
-                turn_all(
-                    &mut orientation,
-                    &mut spin,
-                    &c.flatness,
-                    drift,
-                    small_half_turn,
-                );
-            } else {
-                turn_all(&mut orientation, &mut spin, &c.flatness, drift, half_turn);
-            }
+            turn_block(&mut orientation, &mut spin, &c.flatness, drift);
             self.write(POSITION, at, &position);
             self.write(VELOCITY, at, &velocity);
+            self.write(ORIENTATION, at, &orientation);
+            self.write(SPIN, at, &spin);
+        }
+    }
+
+    /// Turns all frames for `drift`.
+    fn turn(&mut self, constants: &[Constants], drift: f64) {
+        for (block, c) in constants.iter().enumerate() {
+            let at = block * WIDTH;
+            let mut orientation: [Lane; 4] = self.read(ORIENTATION, at);
+            let mut spin: [Lane; 3] = self.read(SPIN, at);
+            turn_block(&mut orientation, &mut spin, &c.flatness, drift);
             self.write(ORIENTATION, at, &orientation);
             self.write(SPIN, at, &spin);
         }
@@ -273,6 +278,18 @@ impl Strains {
 
 /// Eight frames through a drift.
 #[inline(always)]
+fn turn_block(orientation: &mut [Lane; 4], spin: &mut [Lane; 3], flatness: &Lane, drift: f64) {
+    // The parts of the rotation are about as fast as the whole.
+    let fastest = (0..WIDTH).map(|l| vector(spin, l).norm_squared());
+    let angle = 0.25 * drift * drift * fastest.fold(0.0, f64::max);
+    if angle < SMALL_TURN {
+        turn_all(orientation, spin, flatness, drift, small_half_turn);
+    } else {
+        turn_all(orientation, spin, flatness, drift, half_turn);
+    }
+}
+
+#[inline(always)]
 fn turn_all(
     orientation: &mut [Lane; 4],
     spin: &mut [Lane; 3],
@@ -293,32 +310,72 @@ impl Batch<'_> {
     pub fn leap(&mut self, model: &Model, range: Range<usize>, n: usize, step: f64) {
         let constants = model.packed.of(self.fibres.start);
         WORK.with_borrow_mut(|work| {
-            work.load(self);
+            work.load_poses(self);
+            work.load_vectors(VELOCITY, self.velocity);
+            work.load_vectors(SPIN, self.angular_velocity);
             for k in range {
                 work.strain(constants);
                 work.move_on(constants, step, if k + 1 < n { step } else { 0.5 * step });
             }
-            work.store(self);
+            work.store_vectors(POSITION, self.position);
+            work.store_vectors(VELOCITY, self.velocity);
+            work.store_orientations(self.orientation);
+            work.store_vectors(SPIN, self.angular_velocity);
+        });
+    }
+
+    /// [`Batch::sub_step`] of an elastic fibre with drag: what segments exert and how frames turn in lanes, the chain of
+    /// nodes that drag ties together one by one.
+    pub fn sub_step_in_lanes(&mut self, model: &Model, k: usize, n: usize, step: f64) {
+        let constants = model.packed.of(self.fibres.start);
+        let range = model.node_range(self.fibres.start);
+        let drift = if k + 1 < n { step } else { 0.5 * step };
+        WORK.with_borrow_mut(|work| {
+            work.load_poses(self);
+            work.strain(constants);
+            let given = model.nodes[range.clone()].iter().zip(&model.loads[range]);
+            for (i, (load, (node, given))) in self.load.iter_mut().zip(given).enumerate() {
+                let [force, torque] = work.on_node(i);
+                load.force += given.force + node.weight + force;
+                load.torque += given.torque + torque;
+            }
+            let share = 1.0 / n as f64;
+            self.kick_with_drag(model, step, share, (k as f64 + 0.5) * share);
+            for (x, v) in self.position.iter_mut().zip(self.velocity.iter()) {
+                *x += v * drift;
+            }
+            work.load_vectors(SPIN, self.angular_velocity);
+            work.turn(constants, drift);
+            work.store_orientations(self.orientation);
+            work.store_vectors(SPIN, self.angular_velocity);
         });
     }
 
     /// Whether [`Batch::leap`] knows all that acts on the fibre.
     pub fn leaps(&self, model: &Model, in_flow: bool) -> bool {
+        !in_flow && self.packed(model)
+    }
+
+    /// Whether lanes know all that acts inside the fibre.
+    pub fn packed(&self, model: &Model) -> bool {
         let fibre = &model.fibres[self.fibres.start];
         let material = &fibre.material;
         let elastic = material.retardation == 0.0 && material.bending_ratio == 1.0;
-        !in_flow && elastic && !fibre.only_implicit() && !model.packed.is_empty()
+        elastic && !fibre.only_implicit() && !model.packed.is_empty()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Fibre, FibreSettings, FibreSystem, Material, Support};
+    use crate::hydrodynamics::{DragModel, FluidProperties, TorqueModel};
+    use crate::integrate::Flow;
+    use crate::{Ambient, Fibre, FibreSettings, FibreSystem, Hydrodynamics, Material, Matrix3};
+    use crate::{Points, Support};
     use fibreflow_parallel::Communicator;
 
     /// Two helices, one held and loaded, with more nodes than lanes; `spin` decides which branches they take.
-    fn helices(spin: f64) -> FibreSystem {
+    fn helices(spin: f64, drag: bool) -> FibreSystem {
         let node = |i: u32| {
             let a = 0.2 * f64::from(i);
             Vector3::new(a.cos(), a.sin(), 0.3 * a)
@@ -329,8 +386,18 @@ mod tests {
         };
         let mut held = fibre(0, 11);
         held.supports = vec![Support::clamp(0)];
+        let law = Hydrodynamics {
+            fluid: FluidProperties {
+                density: 1000.0,
+                viscosity: 1.0,
+            },
+            drag: DragModel::default(),
+            torque: TorqueModel::default(),
+            point_spacing: f64::INFINITY,
+        };
         let settings = FibreSettings {
             gravity: Vector3::z() * -9.0,
+            hydrodynamics: drag.then_some(law),
             ..FibreSettings::default()
         };
         let fibres = vec![held, fibre(1, 24)];
@@ -343,23 +410,41 @@ mod tests {
         s
     }
 
+    /// A shear that turns the fibres and drags them along.
+    fn shear(s: &FibreSystem) -> Ambient {
+        let gradient = Matrix3::new(0.0, 30.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+        let mut points = Points::default();
+        s.points(&mut points);
+        Ambient {
+            velocity: points.position.iter().map(|x| gradient * x).collect(),
+            gradient: vec![gradient; points.position.len()],
+            ..Ambient::default()
+        }
+    }
+
     #[test]
     fn lanes_do_what_single_nodes_do() {
-        for spin in [1.0, 400.0] {
+        for (spin, drag) in [(1.0, false), (400.0, false), (1.0, true), (400.0, true)] {
             let n = 20;
             let run = |in_lanes: bool| {
-                let mut s = helices(spin);
+                let mut s = helices(spin, drag);
                 let step = 0.2 * s.critical_step();
-                s.model.packed = Packed::new(&s.model);
+                let ambient = shear(&s);
+                let given = drag.then_some((&ambient, None));
+                let flow = Flow::new(given, &s.settings, n as f64 * step).expect("a law");
+                if in_lanes {
+                    s.model.packed = Packed::new(&s.model);
+                }
                 let model = &s.model;
                 let all = Batch::all(model, &mut s.motion, &mut s.scratch, &mut s.reaction);
                 all.for_each(model, &|fibre| {
-                    fibre.begin(model, None, step);
-                    if in_lanes {
+                    assert_eq!(fibre.packed(model), in_lanes);
+                    fibre.begin(model, flow, step);
+                    if in_lanes && !drag {
                         fibre.leap(model, 0..n / 2, n, step);
                         fibre.leap(model, n / 2..n, n, step);
                     } else {
-                        (0..n).for_each(|k| fibre.sub_step(model, false, k, n, step));
+                        (0..n).for_each(|k| fibre.sub_step(model, drag, k, n, step));
                     }
                 });
                 s.motion

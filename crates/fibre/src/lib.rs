@@ -26,6 +26,7 @@ mod points;
 mod repeat;
 mod shape;
 mod state;
+mod symmetric;
 mod system;
 mod touching;
 

@@ -13,6 +13,7 @@
 use crate::integrate::{Batch, Flow};
 use crate::linear_slip::for_arms;
 use crate::points::Ambient;
+use crate::symmetric::Symmetric;
 use crate::system::Model;
 use crate::{Matrix3, Vector3};
 
@@ -20,8 +21,8 @@ use crate::{Matrix3, Vector3};
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Added {
     /// With itself and with the next node \[kg\].
-    pub own: Matrix3,
-    pub next: Matrix3,
+    pub own: Symmetric,
+    pub next: Symmetric,
     /// Velocity at the start of the step \[m/s\].
     pub start: Vector3,
 }
@@ -29,8 +30,8 @@ pub(crate) struct Added {
 impl Added {
     pub fn zero() -> Self {
         Self {
-            own: Matrix3::zeros(),
-            next: Matrix3::zeros(),
+            own: Symmetric::default(),
+            next: Symmetric::default(),
             start: Vector3::zeros(),
         }
     }
@@ -71,15 +72,12 @@ impl Batch<'_> {
             let acceleration = flow.ambient.acceleration(first + p, 0.5, flow.dt);
             let drive = across * acceleration + acceleration * (weight * line);
             for (node, share) in [(i, 1.0 - xi), (i + 1, xi)] {
-                let own = across * (share * share);
-                self.drag[node].row.diagonal += own;
+                self.drag[node].pivot.add(&across, share * share);
                 self.drag[node].drive += drive * share;
-                self.added[node].own += own;
+                self.added[node].own.add(&across, share * share);
             }
-            let mutual = across * (xi * (1.0 - xi));
-            self.drag[i].row.upper += mutual;
-            self.drag[i + 1].row.lower += mutual;
-            self.added[i].next += mutual;
+            self.drag[i].next.add(&across, xi * (1.0 - xi));
+            self.added[i].next.add(&across, xi * (1.0 - xi));
         });
     }
 
