@@ -1,7 +1,7 @@
 """Turbulent channel at Re_tau 180 (F6): .venv/bin/python cases/channel/validate.py
 
-    [--members NAME...]   of 32-o2 32-o4 48-o2 48-o4 48-o4-fast 64-o2 64-o4 96-o4 96-o4-fast 128-o4 48-o4-wide 64-o4-wide 64-o4-wide-fine 32-prism 32-tetrahedron 32-hexahedron;
-                          default all but the last nine
+    [--members NAME...]   of 32-o2 32-o4 48-o2 48-o4 48-o4-fast 64-o2 64-o4 96-o4 96-o4-fast 128-o4 48-o4-wide 64-o4-wide 64-o4-wide-fine 96-o4-wide-moving 32-prism 32-tetrahedron 32-hexahedron;
+                          default all but the last ten
     [--minutes M]         wall time of each member in this call, at most 100; 0 looks at what is there. Default 100
     [--threads N]         threads of a run; default all cores
     [--cost]              measures the cost of a step of each member in a run of 40 steps, alone; to be done on a quiet machine
@@ -12,7 +12,8 @@
 Members are meshes N × N × N of the box 2π × 2 × π with second or fourth order, in steps of Courant number 1.2 (`fast`: 1.5). Those of 48 and less start from a perturbed profile and
 are averaged over 15.6 h/u_tau after 6, as the OpenFOAM run beside them (other elements on the same nodes in steps of 1.0); finer ones start from the developed field of 48-o4, pass 3
 h/u_tau and are averaged over 30. Those called `wide` have the box of the reference, 4π × 2 × 4π/3, with the same spacings in it: 48-o4-wide starts as 48-o4, 64-o4-wide from
-its field and is averaged over 15, as much of the walls as 30 of the smaller box and more; 64-o4-wide-fine has 128 cells across, from the field of 64-o4-wide, and is averaged over 30. A member that was begun goes on from its last checkpoint.
+its field and is averaged over 15, as much of the walls as 30 of the smaller box and more; 64-o4-wide-fine has 128 cells across, from the field of 64-o4-wide, and is averaged
+over 30; 96-o4-wide-moving has 128 × 96 × 128 cells that move with 13 u_tau, starts from its field, passes 2 h/u_tau and is averaged over 12. A member that was begun goes on from its last checkpoint.
 The wall time in the table is that of all steps at the cost of --cost, so that the members may share a machine.
 Writes members.csv, profiles-NAME.csv in wall units, channel.png (profiles beside Moser, Kim & Mansour 1999) and errors.png.
 """
@@ -44,6 +45,11 @@ MEMBERS = {f"{n}-o{o}": (n, o, 1.2) for n, o in [(32, 2), (32, 4), (48, 2), (48,
 MEMBERS |= {f"{n}-o4-fast": (n, 4, 1.5) for n in (48, 96)}
 # A jitter of 1e-5 has hexahedra discretised as on any mesh.
 MEMBERS |= {name: (int(name[:2]), 4, 1.2) for name in ("48-o4-wide", "64-o4-wide", "64-o4-wide-fine")}
+MEMBERS["96-o4-wide-moving"] = (96, 4, 1.2)
+# What a member starts from if that is not the coarse one.
+STARTS = {"64-o4-wide-fine": "64-o4-wide", "96-o4-wide-moving": "64-o4-wide-fine"}
+# Velocity of the mesh by that of friction: slower than the middle of the channel by 5, faster than the buffer layer by 3.
+MOVING = [13.0, 0.0, 0.0]
 KINDS = {"32-prism": {"mesh.element": "prism"}, "32-tetrahedron": {"mesh.element": "tetrahedron"}, "32-hexahedron": {"mesh.jitter": 1e-5, "output.statistics.spectra": []}}
 MEMBERS |= {name: (32, 2, 1.0) for name in KINDS}
 COARSE = "48-o4"
@@ -62,8 +68,8 @@ def wide(name):
 
 def cells(name):
     n = MEMBERS[name][0]
-    if name.endswith("-fine"):
-        return [2 * n, n, 2 * n]
+    if name in STARTS:
+        return [128, n, 128]
     return [2 * n, n, 2 * (2 * n // 3)] if wide(name) else [n, n, n]
 
 
@@ -72,6 +78,8 @@ def discretisation(name):
     settings = {"mesh.cells": cells(name), "fluid.order": order, "time.cfl": courant}
     if wide(name):
         settings["mesh.size"] = WIDE
+    if name.endswith("-moving"):
+        settings["fluid.frame_velocity"] = MOVING
     return settings | (KINDS[name] | {"fluid.poisson.tolerance": 1e-4} if name in KINDS else {})
 
 
@@ -83,11 +91,12 @@ def run(options, name):
     else:
         begin = options.out / f"start-{name}.csv"
         if not begin.exists():
-            coarse = name.removesuffix("-fine") if name.endswith("-fine") else COARSE + "-wide" * wide(name)
+            coarse = STARTS.get(name, COARSE + "-wide" * wide(name))
             start.main(options.out / "runs" / coarse, *cells(name), begin)
         # Paths in a case file are relative to it.
         settings |= {
-            "time.end": 18.0 if name == "64-o4-wide" else 33.0, "output.statistics.from": 3.0, "output.statistics.block": 1.0, "output.checkpoint.interval": 1.0,
+            "time.end": {"64-o4-wide": 18.0, "96-o4-wide-moving": 14.0}.get(name, 33.0),
+            "output.statistics.from": 2.0 if name.endswith("-moving") else 3.0, "output.statistics.block": 1.0, "output.checkpoint.interval": 1.0,
             "fluid.initial": f"{{ kind = 'file', file = '{begin}' }}"}
     members.run(options, case, name, settings)
 

@@ -24,6 +24,17 @@ pub enum FluidError {
         /// Patches of the mesh.
         expected: usize,
     },
+    /// A mesh that would move through the boundary.
+    #[error(
+        "the mesh cannot move with the frame: patch `{patch}` is not along its velocity, \
+         ({:.6e}, {:.6e}, {:.6e}) m/s", frame[0], frame[1], frame[2]
+    )]
+    FrameThroughBoundary {
+        /// Patch name.
+        patch: String,
+        /// Velocity of the frame \[m/s\].
+        frame: [f64; 3],
+    },
     /// Linear forcing where it has no meaning.
     #[error(
         "linear forcing needs a mesh that is periodic in all directions, and a flow with convection"

@@ -7,8 +7,9 @@ use crate::mismatch::Mismatch;
 use crate::operators::Operators;
 use crate::poisson::Pressure;
 use crate::predict::Momentum;
+use crate::settings::length;
 use crate::{DiffusionChoice, FluidError, FluidSettings, Forcing, Inertia, PressureChoice};
-use fibreflow_mesh::{DualGeometry, LocalMesh};
+use fibreflow_mesh::{BoundaryNode, DualGeometry, LocalMesh};
 use std::sync::Arc;
 
 /// Incompressible flow of constant density and viscosity on the nodes of a mesh.
@@ -81,6 +82,31 @@ pub struct StepReport {
     pub poisson_residual: Option<[f64; 2]>,
 }
 
+/// Part of a boundary's area that may face along the velocity of the frame.
+const FACING: f64 = 1e-9;
+
+/// The mesh must slide along its boundary. Collective.
+fn check_frame(
+    mesh: &LocalMesh,
+    geometry: &DualGeometry,
+    frame: [f64; 3],
+) -> Result<(), FluidError> {
+    let crosses = |share: &&BoundaryNode| {
+        let through = (0..3).map(|c| share.area[c] * frame[c]).sum::<f64>();
+        through.abs() > FACING * length(share.area) * length(frame)
+    };
+    let patches = geometry.boundary.iter().filter(crosses).map(|s| s.patch);
+    let first = patches.fold(f64::INFINITY, |first, patch| first.min(f64::from(patch)));
+    let first = mesh.halo.communicator().min(first);
+    if first == f64::INFINITY {
+        return Ok(());
+    }
+    Err(FluidError::FrameThroughBoundary {
+        patch: mesh.patches[first as usize].clone(),
+        frame,
+    })
+}
+
 impl Fluid {
     /// Fluid at rest (but for boundaries), on the mesh and dual geometry of this rank. Collective.
     ///
@@ -92,6 +118,7 @@ impl Fluid {
         settings: FluidSettings,
     ) -> Result<Self, FluidError> {
         settings.check()?;
+        check_frame(&mesh, &geometry, settings.frame)?;
         let boundary = Boundary::new(&mesh, &geometry, &settings.boundary)?;
         let operators = Operators::new(&mesh, &geometry, settings.kernels);
         let (total, entries) = (mesh.total(), operators.flux_length());

@@ -120,8 +120,9 @@ impl Fluid {
         self.mesh.halo.update(bias);
         isolated.smooth(&self.mesh, &self.operators, bias);
         isolated.subtract_from(q);
+        let (still, out) = ([0.0; 3], (&mut sums[..], &mut none[..]));
         self.operators
-            .correct(bias, q, flux, (sums, &mut none), |_, _, _, _, _, ()| ());
+            .correct((bias, still), q, flux, out, |_, _, _, _, _, ()| ());
         let (operators, flux) = (&self.operators, &*flux);
         rows::each(sums, |i, sum| *sum = operators.flux_sum(flux, i));
     }

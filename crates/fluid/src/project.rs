@@ -138,8 +138,9 @@ impl Fluid {
         let owned = inverse.len();
         let raise = if dt > 0.0 { dt.recip() } else { 0.0 };
         let next = &mut self.momentum.next;
+        let frame = self.settings.frame;
         let rate = self.operators.correct(
-            &self.velocity,
+            (&self.velocity, frame),
             psi,
             &mut self.flux_other,
             (&mut next[..owned], &mut self.pressure[..owned]),
@@ -153,6 +154,7 @@ impl Fluid {
         let q = self.mismatch.potential();
         let at = |i: usize| {
             let ([x, y, z, _], psi) = (velocity[i], psi[i]);
+            let [x, y, z] = [x - frame[0], y - frame[1], z - frame[2]];
             q.map_or([x, y, z, psi], |q| {
                 let [bx, by, bz, _] = bias[i];
                 [x + bx, y + by, z + bz, psi + q[i]]

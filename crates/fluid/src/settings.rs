@@ -14,6 +14,9 @@ pub struct FluidSettings {
     pub boundary: Vec<BoundaryCondition>,
     /// What drives the flow besides boundaries and the body-force field.
     pub forcing: Forcing,
+    /// Velocity of the frame that the mesh moves with \[m/s\]; velocities stay those of the frame at rest. Only what the flow
+    /// does in this frame is convected through the mesh.
+    pub frame: [f64; 3],
     /// Number in time that a given pressure gradient is multiplied by, taken in the middle of every step.
     pub forcing_factor: Signal,
     /// Stopping rule of the implicit viscous solves; relative to the norm of the explicit increment.
@@ -129,6 +132,7 @@ impl FluidSettings {
             viscosity,
             boundary: Vec::new(),
             forcing: Forcing::default(),
+            frame: [0.0; 3],
             forcing_factor: Signal::Constant(1.0),
             momentum: solver,
             pressure: solver,
@@ -166,6 +170,9 @@ impl FluidSettings {
         }
         if self.inertia != Inertia::Full {
             positive("viscosity of a creeping flow", self.viscosity)?;
+        }
+        if self.frame.iter().any(|x| !x.is_finite()) {
+            positive("speed of the frame", length(self.frame))?;
         }
         if let Forcing::BulkVelocity { direction, value } = &self.forcing {
             positive("length of the bulk direction", length(*direction))?;

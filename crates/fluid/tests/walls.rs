@@ -3,7 +3,7 @@
 mod common;
 
 use common::{errors, fluid_on, of, order, settings};
-use fibreflow_fluid::{BoundaryCondition, Fluid, FluidError, FluidSettings, initial};
+use fibreflow_fluid::{BoundaryCondition, Fluid, FluidError, FluidSettings, Forcing, initial};
 use fibreflow_mesh::{BoxElement, BoxMesh, LocalMesh, geometry};
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -180,5 +180,42 @@ fn a_domain_that_only_fills_is_refused() {
     assert!(
         matches!(error, FluidError::UnbalancedFlux { .. }),
         "{error}"
+    );
+}
+
+/// A mesh that moves along its walls keeps a steady flow steady; it cannot move through them.
+#[test]
+fn a_mesh_moves_along_walls_only() {
+    let mesh = BoxMesh {
+        periodic: [true, false, true],
+        ..of(BoxElement::Hexahedron, [1.0, 1.0, 0.5], [6, 8, 3], 0.0)
+    };
+    let wall = |_: &str| BoundaryCondition::Wall { velocity: [0.0; 3] };
+    let with = |frame: [f64; 3]| FluidSettings {
+        frame,
+        forcing: Forcing::PressureGradient([1.0, 0.0, 0.0]),
+        ..settings(1.0, 0.1, 1e-12)
+    };
+    let end = |frame: [f64; 3]| {
+        let mut fluid = fluid_on(&mesh, with(frame), wall);
+        common::run_to(&mut fluid, 20.0, 0.05);
+        fluid
+    };
+    let (resting, moving) = (end([0.0; 3]), end([0.7, 0.0, -0.3]));
+    for (u, v) in resting.velocity().iter().zip(moving.velocity()) {
+        (0..3).for_each(|c| assert!((u[c] - v[c]).abs() < 1e-10, "{u:?} {v:?}"));
+    }
+    assert!(moving.courant_number(1.0) < 0.9 * resting.courant_number(1.0));
+
+    let local = Arc::new(LocalMesh::single(mesh.build().expect("box")));
+    let dual = Arc::new(geometry::dual(&local).expect("dual geometry"));
+    let settings = FluidSettings {
+        boundary: local.patches.iter().map(|p| wall(p)).collect(),
+        ..with([0.7, 1e-3, 0.0])
+    };
+    let refused = Fluid::new(local, dual, settings).err();
+    assert!(
+        matches!(&refused, Some(FluidError::FrameThroughBoundary { patch, .. }) if patch.starts_with('y')),
+        "{refused:?}"
     );
 }

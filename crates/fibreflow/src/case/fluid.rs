@@ -27,6 +27,11 @@ pub struct Fluid {
     /// is balanced by a uniform pressure gradient, and the mean velocity kept. Always so with `inertia = "steady"`.
     #[serde(default)]
     pub hold_mean_velocity: bool,
+    /// Velocity that the mesh moves with, along its walls and periodic directions [m/s]; about the mean velocity of a channel or a
+    /// pipe makes steps longer and their errors much smaller there. Velocities in all output are those of the frame at rest; places
+    /// are those in the mesh. Not with fibres.
+    #[serde(default, skip_serializing_if = "at_rest")]
+    pub frame_velocity: [f64; 3],
     /// How viscous terms are advanced in time.
     #[serde(default)]
     pub diffusion: Diffusion,
@@ -54,6 +59,10 @@ pub struct Fluid {
     /// Solver of the pressure equation.
     #[serde(default)]
     pub poisson: Poisson,
+}
+
+fn at_rest(velocity: &[f64; 3]) -> bool {
+    *velocity == [0.0; 3]
 }
 
 fn second() -> u8 {

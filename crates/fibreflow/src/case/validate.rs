@@ -436,6 +436,12 @@ fn check_fluid(case: &Case, document: &Document) -> Checked {
             "`fluid.forcing.direction` is zero",
         ));
     }
+    if fluid.frame_velocity != [0.0; 3] && !(case.fibres.is_empty() && case.beads.is_none()) {
+        let problem = "`fluid.frame_velocity` moves the mesh away from fibres and beads";
+        let help = "remove it, or run the flow alone";
+        let error = document.error("fluid.frame_velocity", problem);
+        return Err(error.with_help(help));
+    }
     if let Some(MeshSource::Box { periodic, .. }) = &case.mesh {
         let walls = periodic.iter().filter(|p| !**p).count();
         let needs_walls = matches!(

@@ -47,6 +47,7 @@ pub fn settings(
         let constant = turbulence.constant.unwrap_or(usual);
         EddyViscosity { model, constant }
     });
+    settings.frame = fluid.frame_velocity;
     settings.hold_mean_velocity = fluid.hold_mean_velocity;
     settings.kernels = match fluid.kernels {
         case::Kernels::Auto => Kernels::Auto,

@@ -229,7 +229,7 @@ impl System {
         let rows = operators.volumes().len();
         let out = (&mut nothing(rows)[..], &mut nothing(rows)[..]);
         operators.correct(
-            &self.carried,
+            (&self.carried, [0.0; 3]),
             &self.zero,
             flux,
             out,

@@ -226,7 +226,13 @@ mod tests {
             let mut pairs = vec![0.0; flux.len()];
             let (mut a, mut b) = (nothing(mesh.owned()), nothing(mesh.owned()));
             let out = (&mut a[..], &mut b[..]);
-            operators.correct(&u, &psi, &mut pairs, out, |_, _, _, _, (), ()| ());
+            operators.correct(
+                (&u, [0.0; 3]),
+                &psi,
+                &mut pairs,
+                out,
+                |_, _, _, _, (), ()| (),
+            );
             let size = pairs.iter().fold(0.0, |m: f64, f| m.max(f.abs()));
             for i in 0..mesh.owned() {
                 let sum = operators.flux_sum(&flux, i) - operators.flux_sum(&pairs, i);

@@ -345,7 +345,7 @@ impl Lattice {
     /// See [`super::Operators::correct`].
     pub fn correct<A: Send, B: Send>(
         &self,
-        (u, psi): (&[[f64; 4]], &[f64]),
+        (u, frame, psi): (&[[f64; 4]], [f64; 3], &[f64]),
         flux: &mut [f64],
         inverse: &[f64],
         out: (&mut [A], &mut [B]),
@@ -356,7 +356,7 @@ impl Lattice {
             for (start, count) in self.chunks() {
                 let (mut sizes, mut sums) = ([0.0; CHUNK], [[0.0; CHUNK]; 3]);
                 self.add_gradient(line, start, psi, &mut sums);
-                self.write_fluxes(line, start, (u, psi), flux, &mut sizes);
+                self.write_fluxes(line, start, (u, frame, psi), flux, &mut sizes);
                 let first = line * self.length + start;
                 let (a, b) = (&mut a[start..][..count], &mut b[start..][..count]);
                 for k in 0..count {
@@ -374,13 +374,13 @@ impl Lattice {
         })
     }
 
-    /// ½(u_i + u_j)·S_ij − w_ij (ψ_j − ψ_i) of a chunk, and the sum of the magnitudes by node.
+    /// [½(u_i + u_j) − c]·S_ij − w_ij (ψ_j − ψ_i) of a chunk, and the sum of the magnitudes by node.
     #[inline(always)]
     fn write_fluxes(
         &self,
         line: usize,
         start: usize,
-        (u, psi): (&[[f64; 4]], &[f64]),
+        (u, frame, psi): (&[[f64; 4]], [f64; 3], &[f64]),
         flux: &mut [f64],
         sizes: &mut Chunk,
     ) {
@@ -395,6 +395,7 @@ impl Lattice {
         let norm = &self.norm[start..][..count];
         let (axis, area) = (self.axis & 3, self.areas[line]);
         let along_own = &own[axis][..count];
+        let twice = [2.0 * frame[0], 2.0 * frame[1], 2.0 * frame[2], 0.0];
         for (place, along) in self.along.iter().enumerate() {
             let (mut next, mut previous) = ([0.0; CHUNK], [0.0; CHUNK]);
             let (mut above, mut below) = ([0.0; CHUNK], [0.0; CHUNK]);
@@ -423,10 +424,10 @@ impl Lattice {
             );
             for k in 0..count {
                 let out = area
-                    * (0.5 * skew[k] * (along_own[k] + next[k])
+                    * (0.5 * skew[k] * (along_own[k] + next[k] - twice[axis])
                         - stiffness[k] * (above[k] - own_level[k]));
                 let back = area
-                    * (0.5 * skew_before[k] * (previous[k] + along_own[k])
+                    * (0.5 * skew_before[k] * (previous[k] + along_own[k] - twice[axis])
                         - stiffness_before[k] * (own_level[k] - below[k]));
                 slots[k] = out;
                 sizes[k] += out.abs() + back.abs();
@@ -439,7 +440,7 @@ impl Lattice {
             let axis = arm.axis as usize & 3;
             let own = &own[axis][..count];
             let value = |k: usize| {
-                let carried = 0.5 * arm.skew * (own[k] + other[k][axis]);
+                let carried = 0.5 * arm.skew * (own[k] + other[k][axis] - twice[axis]);
                 norm[k] * (carried - arm.sign * arm.stiffness * (other_level[k] - own_level[k]))
             };
             if arm.writes {

@@ -275,11 +275,11 @@ impl Operators {
         size
     }
 
-    /// Writes the fluxes F_ij = ½(u_i + u_j)·S_ij − w_ij (ψ_j − ψ_i) and hands u_i, ψ_i and V G ψ to
+    /// Writes the fluxes F_ij = [½(u_i + u_j) − c]·S_ij − w_ij (ψ_j − ψ_i), c the velocity of the `frame`, and hands u_i, ψ_i and V G ψ to
     /// `finish(i, u_i, ψ_i, ·, a_i, b_i)`; `u` and `psi` are valid. Returns max ½ Σ_j |F_ij|/V_i over the owned rows \[1/s\].
     pub fn correct<A: Send, B: Send>(
         &self,
-        u: &[[f64; 4]],
+        (u, frame): (&[[f64; 4]], [f64; 3]),
         psi: &[f64],
         flux: &mut [f64],
         out: (&mut [A], &mut [B]),
@@ -287,8 +287,8 @@ impl Operators {
     ) -> f64 {
         let inverse = &self.inverse_volumes;
         match &self.form {
-            Form::Rows(pairs) => pairs.correct((u, psi), flux, inverse, out, &finish),
-            Form::Lines(lattice) => lattice.correct((u, psi), flux, inverse, out, &finish),
+            Form::Rows(pairs) => pairs.correct((u, frame, psi), flux, inverse, out, &finish),
+            Form::Lines(lattice) => lattice.correct((u, frame, psi), flux, inverse, out, &finish),
         }
     }
 

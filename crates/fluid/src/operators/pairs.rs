@@ -170,13 +170,14 @@ impl Pairs {
     /// See [`super::Operators::correct`].
     pub fn correct<A: Send, B: Send>(
         &self,
-        (u, psi): (&[[f64; 4]], &[f64]),
+        (u, frame, psi): (&[[f64; 4]], [f64; 3], &[f64]),
         flux: &mut [f64],
         inverse: &[f64],
         out: (&mut [A], &mut [B]),
         finish: &(impl Fn(usize, [f64; 4], f64, [f64; 4], &mut A, &mut B) + Sync),
     ) -> f64 {
         let geometry = &*self.geometry;
+        let through = |s: &[f64; 4]| (0..3).map(|c| frame[c] * s[c]).sum::<f64>();
         rows::with_entries(&geometry.offsets, flux, out, largest, |i, flux, a, b| {
             let range = geometry.row(i);
             let (columns, faces) = (&geometry.columns[range.clone()], &geometry.faces[range]);
@@ -184,7 +185,7 @@ impl Pairs {
             let (mut gradient, mut size) = ([0.0; 4], 0.0);
             for ((flux, &j), s) in flux.iter_mut().zip(columns).zip(faces) {
                 let step = psi[j as usize] - level;
-                *flux = interpolated(own, u[j as usize], s) - s[3] * step;
+                *flux = interpolated(own, u[j as usize], s) - through(s) - s[3] * step;
                 size += flux.abs();
                 (0..3).for_each(|c| gradient[c] += 0.5 * step * s[c]);
             }
