@@ -57,6 +57,8 @@ COARSE = "48-o4"
 WIDE = [4 * np.pi, 2.0, 4 * np.pi / 3]
 MEAN = pd.read_csv(HERE / "reference" / "mkm1999_retau180_means.csv")
 STRESS = pd.read_csv(HERE / "reference" / "mkm1999_retau180_reystress.csv")
+# Del Álamo & Jiménez (2003), box 12π × 2 × 4π, actual Re_tau 186.
+LARGE = pd.read_csv(HERE / "reference" / "delalamo_jimenez2003_retau180.csv")
 OPENFOAM = pd.read_csv(HERE / "reference" / "openfoam_48.csv", comment="#")
 # Integrated from the reference profile.
 BULK = np.trapezoid(MEAN.U_plus, MEAN.y_over_h)
@@ -164,9 +166,11 @@ def figure(found, path):
     plot, axes = plt.subplots(2, 3, figsize=(15, 8.5))
     mean, rms, shear, stress, budget, spectra = axes.flat
     mean.semilogx(MEAN.y_plus[1:], MEAN.U_plus[1:], "k-", lw=1, label="Moser, Kim & Mansour")
+    mean.semilogx(LARGE.y_plus[1:], LARGE.U_plus[1:], "--", color="0.5", lw=1, label="del Álamo & Jiménez")
     mean.semilogx(OPENFOAM.yplus, OPENFOAM.Uplus, "k:", lw=1.5, label="OpenFOAM 48³")
     for c, square in [("u", "uu_plus"), ("v", "vv_plus"), ("w", "ww_plus")]:
         rms.plot(STRESS.y_plus, np.sqrt(STRESS[square]), "k-", lw=1)
+        rms.plot(LARGE.y_plus, LARGE[c + "_rms_plus"], "--", color="0.5", lw=1)
         rms.plot(OPENFOAM.yplus, OPENFOAM[c + "_rms"], "k:", lw=1.5)
     shear.plot(STRESS.y_plus, -STRESS.uv_plus, "k-", lw=1)
     shear.plot(OPENFOAM.yplus, -OPENFOAM.uv, "k:", lw=1.5)
