@@ -55,6 +55,8 @@ pub struct ContactSystem {
 struct Built {
     ids: Vec<u64>,
     time: f64,
+    /// The skin that the list has \[m\].
+    skin: f64,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -154,26 +156,25 @@ impl ContactSystem {
         let built = self.built.as_ref().filter(|b| b.ids == segments.ids);
         let passed = built
             .filter(|_| self.pending.is_empty())
-            .map(|b| time - b.time);
+            .map(|b| (time - b.time, b.skin));
         // Infinite: segments have come or gone, springs were restored, or something is not finite.
-        let step = passed.map_or(Extent::BEYOND, |passed| {
+        let step = passed.map_or(Extent::BEYOND, |(passed, _)| {
             let strain = self.settings.shear_rate * passed;
             self.travel.step(segments.position, strain)
         });
         let step = step.over(&self.communicator);
-        let (Some(passed), true) = (passed, step.longest() < f64::INFINITY) else {
+        let (Some((passed, skin)), true) = (passed, step.longest() < f64::INFINITY) else {
             return self.rebuild(segments, true);
         };
         self.travel.add(&step);
-        if self.outgrown(segments, passed) {
+        if self.outgrown(segments, passed, 0.5 * skin) {
             return self.rebuild(segments, false);
         }
         Ok(())
     }
 
     /// Whether the lists no longer hold all that can touch, `passed` seconds after the search. Collective.
-    fn outgrown(&mut self, segments: &Segments<'_>, passed: f64) -> bool {
-        let half_skin = 0.5 * self.skin;
+    fn outgrown(&mut self, segments: &Segments<'_>, passed: f64, half_skin: f64) -> bool {
         if self.walls.speed() * passed.abs() > half_skin {
             return true;
         }
@@ -212,7 +213,8 @@ impl ContactSystem {
             }
             found => found?,
         };
-        let reach = self.skin + range;
+        let skin = self.skin;
+        let reach = skin + range;
         let published = if moved { self.records() } else { Vec::new() };
         let known = self.springs(|_| true);
         self.walls.rebuild(segments, reach, self.time);
@@ -227,6 +229,7 @@ impl ContactSystem {
         self.built = Some(Built {
             ids: segments.ids.to_vec(),
             time: self.time,
+            skin,
         });
         self.pending.clear();
         self.totals.rebuilds += 1;

@@ -372,6 +372,30 @@ fn a_common_stream_needs_no_search_but_walls_are_met() {
     }
 }
 
+/// The list of the first search holds only as long as its own skin allows, not the wider one of the next.
+#[test]
+fn a_skin_that_grows_is_not_yet_that_of_the_list() {
+    let mut rods = cross();
+    let apart = 0.122;
+    rods.position[2..]
+        .iter_mut()
+        .for_each(|x| x.z += 0.001 + apart);
+    let settings = ContactSettings {
+        skin_grows: true,
+        ..settings()
+    };
+    let mut contacts = contacts(settings);
+    for step in 0..40 {
+        contacts.update(&rods.segments()).expect("update");
+        contacts.forces(&rods.segments(), 1e-6);
+        let gap = apart - 0.004 * f64::from(step);
+        let touching = contacts.statistics().contacts;
+        assert_eq!(touching, usize::from(gap < 0.0), "{gap}");
+        rods.position[..2].iter_mut().for_each(|x| x.z += 0.002);
+        rods.position[2..].iter_mut().for_each(|x| x.z -= 0.002);
+    }
+}
+
 #[test]
 fn a_skin_that_grows_changes_no_load() {
     let mut rods = Rods::random(200, 6.0, 9);
