@@ -145,8 +145,8 @@ impl ContactSystem {
         Images::new(periodic, rate, rate * self.time)
     }
 
-    /// Searches for pairs again when needed: ends have moved apart by the skin on any ranks, or towards a wall by half of it, segments have come, gone
-    /// or changed owner, or friction springs were restored. Collective; to be called before every
+    /// Searches for pairs again when needed: ends have moved apart by the skin on any ranks, or towards a wall by half of
+    /// it, segments have come, gone or changed owner, or friction springs were restored. Collective; to be called before every
     /// [`ContactSystem::forces`].
     ///
     /// # Errors

@@ -103,6 +103,10 @@ impl InertiaChoice {
             let help = "`order = 2`, or `inertia = \"full\"`";
             return refuse("fluid.order", "must be 2 without convection", help);
         }
+        if fluid.frame_velocity != [0.0; 3] {
+            let help = "remove it, or set `inertia = \"full\"`";
+            return refuse("fluid.frame_velocity", "needs a flow with convection", help);
+        }
         if fluid.turbulence.is_some() {
             let help = "remove it, or set `inertia = \"full\"`";
             return refuse("fluid.turbulence", "needs a flow with convection", help);
