@@ -2,7 +2,6 @@
 
 use crate::gaussian::Gaussian;
 use crate::locate::Locator;
-use crate::pairs::Pairs;
 use crate::rendezvous::{Motion, Rendezvous};
 use crate::{CouplingError, Kernel};
 use fibreflow_fibre::{Ambient, Points};
@@ -22,8 +21,8 @@ pub struct Coupling {
     pub(crate) rendezvous: Rendezvous,
     /// None where the kernel is one element.
     pub(crate) gaussian: Option<Gaussian>,
-    /// None where every point is a place of its own.
-    pub(crate) pairs: Option<Pairs>,
+    /// Points in pairs share a place.
+    pub(crate) paired: bool,
     pub(crate) no_slip: Vec<bool>,
     /// Force by node \[N\], length `mesh.total()`.
     pub(crate) nodal: Vec<[f64; 4]>,
@@ -75,7 +74,7 @@ impl Coupling {
             .map(|width| Gaussian::new(&mesh, &geometry, locator.lattice().clone(), width));
         Ok(Self {
             gaussian,
-            pairs: (kernel == Kernel::Middle).then(Pairs::default),
+            paired: kernel == Kernel::Middle,
             nodal: vec![[0.0; 4]; mesh.total()],
             mesh,
             geometry,
@@ -215,7 +214,7 @@ impl Coupling {
 
     /// Points that share a place.
     fn sharing(&self) -> usize {
-        if self.pairs.is_some() { 2 } else { 1 }
+        if self.paired { 2 } else { 1 }
     }
 
     pub(crate) fn communicator(&self) -> &Communicator {

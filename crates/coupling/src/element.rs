@@ -6,6 +6,7 @@ use crate::coupling::Fields;
 use crate::fetch::{BLOCK, runs};
 use crate::lattice::Shift;
 use crate::locate::{Bent, Hint, Locator, Near};
+use crate::pairs::Places;
 use crate::rendezvous::{Flow, Host, Kept, Motion, Rendezvous, Source, vector};
 use crate::spread::Sums;
 use bytemuck::{Pod, Zeroable};
@@ -58,44 +59,14 @@ impl Coupling {
         motion: Option<Motion<'_>>,
         ambient: &mut Ambient,
     ) -> Result<(), CouplingError> {
-        let Some(mut pairs) = self.pairs.take() else {
-            return self.sample_places(fields, points, &[], motion, ambient);
-        };
-        let sampled = pairs
-            .join(points)
-            .and_then(|()| self.sample_places(fields, &pairs.places, &pairs.arms, motion, ambient));
-        self.pairs = Some(pairs);
-        // The first of the two.
-        sampled.map_err(|error| match error {
-            CouplingError::NotFinite {
-                point,
-                rank,
-                position,
-            } => CouplingError::NotFinite {
-                point: 2 * point,
-                rank,
-                position,
-            },
-            other => other,
-        })
-    }
-
-    fn sample_places(
-        &mut self,
-        fields: &Fields<'_>,
-        points: &[Vector3<f64>],
-        arms: &[Vector3<f64>],
-        motion: Option<Motion<'_>>,
-        ambient: &mut Ambient,
-    ) -> Result<(), CouplingError> {
+        let places = Places::new(points, self.paired)?;
         let locator = &self.locator;
         let host = Host {
             mesh: &self.mesh,
             locator,
             source: Elements { locator, fields },
         };
-        self.rendezvous
-            .place(points, arms, motion, &host, ambient)?;
+        self.rendezvous.place(&places, motion, &host, ambient)?;
         if fields.change.is_none() && motion.is_none() {
             ambient.change.clear();
         }
@@ -105,7 +76,7 @@ impl Coupling {
     /// f_i = N_i F + ½ T × ∇N_i at the nodes of the element where each point was sampled, into `nodal`; what was given
     /// into `sums`.
     pub(crate) fn spread_elements(&mut self, reaction: &Reaction, sums: &mut Sums) {
-        if self.pairs.is_some() {
+        if self.paired {
             self.spread_loads::<true>(reaction, sums);
         } else {
             self.spread_loads::<false>(reaction, sums);
@@ -117,7 +88,7 @@ impl Coupling {
         let own = communicator.rank() as u32;
         let given = Given::<'_, PAIRED> {
             rendezvous: &self.rendezvous,
-            arms: self.pairs.as_ref().map_or(&[], |pairs| &pairs.arms),
+            arms: &self.rendezvous.arms,
             reaction,
             own,
             scale: self.locator.scale(),

@@ -16,6 +16,7 @@ use crate::boxes::{Bins, Bounds};
 use crate::coupling::Fields;
 use crate::lattice::Lattice;
 use crate::locate::Near;
+use crate::pairs::Places;
 use crate::rendezvous::{Flow, Host, Kept, Source};
 use crate::spread::Sums;
 use crate::{Coupling, CouplingError, Kernel};
@@ -304,7 +305,8 @@ impl Coupling {
             locator: &self.locator,
             source: Nowhere,
         };
-        self.rendezvous.place(points, &[], None, &host, ambient)?;
+        let places = Places::new(points, false)?;
+        self.rendezvous.place(&places, None, &host, ambient)?;
         gaussian.sites.clear();
         let lattice = &gaussian.lattice;
         gaussian

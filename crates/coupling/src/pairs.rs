@@ -11,31 +11,70 @@
 use crate::CouplingError;
 use nalgebra::Vector3;
 
-/// The places of pairs of points.
-#[derive(Default)]
-pub(crate) struct Pairs {
-    /// Middles \[m\].
-    pub places: Vec<Vector3<f64>>,
-    /// From a middle to the second of its points \[m\].
-    pub arms: Vec<Vector3<f64>>,
+/// What is placed in the flow: points by themselves, or the middles of pairs of them.
+#[derive(Clone, Copy)]
+pub(crate) struct Places<'a> {
+    points: &'a [Vector3<f64>],
+    paired: bool,
 }
 
-impl Pairs {
+impl<'a> Places<'a> {
     /// # Errors
-    /// [`CouplingError::Length`] for an odd number of points.
-    pub fn join(&mut self, points: &[Vector3<f64>]) -> Result<(), CouplingError> {
-        let (pairs, rest) = points.as_chunks::<2>();
-        if !rest.is_empty() {
+    /// [`CouplingError::Length`] for an odd number of points in pairs.
+    pub fn new(points: &'a [Vector3<f64>], paired: bool) -> Result<Self, CouplingError> {
+        if paired && !points.len().is_multiple_of(2) {
             return Err(CouplingError::Length {
                 what: "points in pairs",
                 found: points.len(),
                 expected: points.len() + 1,
             });
         }
-        self.places.clear();
-        self.places.extend(pairs.iter().map(|[a, b]| 0.5 * (a + b)));
-        self.arms.clear();
-        self.arms.extend(pairs.iter().map(|[a, b]| 0.5 * (b - a)));
-        Ok(())
+        Ok(Self { points, paired })
+    }
+
+    /// The points themselves.
+    pub fn points(&self) -> usize {
+        self.points.len()
+    }
+
+    pub fn paired(&self) -> bool {
+        self.paired
+    }
+
+    pub fn len(&self) -> usize {
+        self.points.len() / self.sharing()
+    }
+
+    /// The point, or the first of the two, of a place.
+    pub fn first(&self, k: usize) -> usize {
+        k * self.sharing()
+    }
+
+    /// Where a place is \[m\].
+    #[inline(always)]
+    pub fn at(&self, k: usize) -> Vector3<f64> {
+        if self.paired {
+            0.5 * (self.points[2 * k] + self.points[2 * k + 1])
+        } else {
+            self.points[k]
+        }
+    }
+
+    /// From the middle of a pair to its second point \[m\].
+    #[inline(always)]
+    pub fn arm(&self, k: usize) -> Option<Vector3<f64>> {
+        self.paired
+            .then(|| 0.5 * (self.points[2 * k + 1] - self.points[2 * k]))
+    }
+
+    pub fn split_at(&self, k: usize) -> (Self, Self) {
+        let (first, second) = self.points.split_at(self.first(k));
+        let of = |points| Self { points, ..*self };
+        (of(first), of(second))
+    }
+
+    /// Points that share a place.
+    fn sharing(&self) -> usize {
+        if self.paired { 2 } else { 1 }
     }
 }

@@ -6,6 +6,7 @@ use crate::element::Cell;
 use crate::fetch::{BLOCK, runs};
 use crate::lattice::{Lattice, Shift};
 use crate::locate::{Bent, Location, Locator, Near};
+use crate::pairs::Places;
 use bytemuck::{Pod, Zeroable};
 use fibreflow_fibre::Ambient;
 use fibreflow_mesh::LocalMesh;
@@ -136,15 +137,15 @@ impl<S: Source> Host<'_, S> {
         let mut kept = Kept::default();
         let mut near: Option<Near<'_>> = None;
         runs_of(part, 0..GRAIN).for_each(|e| self.locator.fetch(e, true));
-        for start in (0..part.points.len()).step_by(GRAIN) {
-            let block = start..part.points.len().min(start + GRAIN);
+        for start in (0..part.places.len()).step_by(GRAIN) {
+            let block = start..part.places.len().min(start + GRAIN);
             // Of this block elements are there by now, and say which nodes they have.
             runs_of(part, block.end..block.end + GRAIN).for_each(|e| self.locator.fetch(e, true));
             runs_of(part, block.clone()).for_each(|e| self.source.fetch(e));
             for k in block {
-                let point = &part.points[k];
+                let point = &part.places.at(k);
                 let finite = || point.iter().all(|x| x.is_finite());
-                if part.answers.places[k].rank != own {
+                if part.answers.hosts[k].rank != own {
                     if finite() {
                         continue;
                     }
@@ -154,7 +155,7 @@ impl<S: Source> Host<'_, S> {
                 let mut reference = near.as_ref().and_then(&mut alone);
                 if reference.is_none() {
                     // Where the point was last.
-                    let place = &part.answers.places[k];
+                    let place = &part.answers.hosts[k];
                     if let Some(last) = self.locator.near((place.element, place.shift)) {
                         reference = alone(&last);
                         near = Some(last);
@@ -174,7 +175,7 @@ impl<S: Source> Host<'_, S> {
                 }
                 if let (Some(near), Some(reference)) = (&near, reference) {
                     let flow = self.source.flow(near, reference, &mut kept);
-                    part.answers.put(k, flow);
+                    part.answers.put(k, flow, part.places.arm(k));
                 }
             }
         }
@@ -190,7 +191,7 @@ impl<S: Source> Host<'_, S> {
         own: u32,
         bent: &mut Bent,
     ) -> Option<(Near<'_>, [f64; 3])> {
-        let (point, place) = (&part.points[k], &part.answers.places[k]);
+        let (point, place) = (&part.places.at(k), &part.answers.hosts[k]);
         let last = (place.element != UNKNOWN).then_some((place.element, place.shift));
         let Some(location) = self.locator.find(point, last, bent) else {
             part.answers.nowhere(k);
@@ -205,16 +206,16 @@ impl<S: Source> Host<'_, S> {
 
 /// Elements where points were last, each once for several in a row.
 fn runs_of(part: &Part<'_>, range: Range<usize>) -> impl Iterator<Item = u32> {
-    let count = part.answers.places.len();
-    let places = &part.answers.places[range.start.min(count)..range.end.min(count)];
-    runs(places.iter().map(|place| place.element))
+    let count = part.answers.hosts.len();
+    let hosts = &part.answers.hosts[range.start.min(count)..range.end.min(count)];
+    runs(hosts.iter().map(|place| place.element))
 }
 
-/// Where points are and what the flow is there: one entry each for every point or, of the flow, two for pairs of points.
+/// Where places are and what the flow is there: one entry each or, of velocities, two for pairs of points.
 struct Answers<'a> {
+    hosts: &'a mut [Placement],
     /// From the middle of a pair to its second point \[m\]; empty where every point is asked for by itself.
-    arms: &'a [Vector3<f64>],
-    places: &'a mut [Placement],
+    arms: &'a mut [Vector3<f64>],
     held: &'a mut [Vector3<f64>],
     distances: &'a mut [f64],
     velocity: &'a mut [Vector3<f64>],
@@ -229,10 +230,12 @@ struct Answers<'a> {
 
 impl Answers<'_> {
     #[inline(always)]
-    fn put(&mut self, k: usize, flow: Flow) {
-        let Some(arm) = self.arms.get(k) else {
+    fn put(&mut self, k: usize, flow: Flow, arm: Option<Vector3<f64>>) {
+        self.gradient[k] = Matrix3::from_columns(&flow.gradient.map(vector));
+        let Some(arm) = arm else {
             return self.put_at(k, flow);
         };
+        self.arms[k] = arm;
         let [x, y, z] = flow.gradient;
         let away = x * arm.x + y * arm.y + z * arm.z;
         for (point, side) in [(2 * k, -away), (2 * k + 1, away)] {
@@ -257,7 +260,6 @@ impl Answers<'_> {
         }
         self.velocity[k] = vector(velocity);
         self.change[k] = vector(change);
-        self.gradient[k] = Matrix3::from_columns(&gradient.map(vector));
     }
 
     /// Of a point that is in one element alone.
@@ -270,7 +272,7 @@ impl Answers<'_> {
         reference: [f64; 3],
         point: &Vector3<f64>,
     ) {
-        let place = &mut self.places[k];
+        let place = &mut self.hosts[k];
         place.reference = reference;
         place.shift = near.shift;
         place.element = near.element;
@@ -281,7 +283,7 @@ impl Answers<'_> {
 
     fn keep(&mut self, k: usize, rank: u32, location: &Location, held: Vector3<f64>) {
         let outside = location.distance != 0.0;
-        self.places[k] = Placement {
+        self.hosts[k] = Placement {
             reference: location.reference,
             shift: location.shift,
             element: location.element,
@@ -295,7 +297,7 @@ impl Answers<'_> {
         }
     }
 
-    fn keep_reply(&mut self, k: usize, rank: u32, reply: &Reply) {
+    fn keep_reply(&mut self, k: usize, rank: u32, reply: &Reply, arm: Option<Vector3<f64>>) {
         let location = Location {
             element: reply.element,
             shift: reply.shift,
@@ -304,30 +306,31 @@ impl Answers<'_> {
             certain: reply.certain == 1,
         };
         self.keep(k, rank, &location, reply.held.into());
-        self.put(k, Flow::unpacked(reply.flow));
+        self.put(k, Flow::unpacked(reply.flow), arm);
     }
 
     /// This rank has no elements.
     fn nowhere(&mut self, k: usize) {
         self.distances[k] = f64::INFINITY;
-        self.places[k].outside = true;
-        self.places[k].certain = false;
+        self.hosts[k].outside = true;
+        self.hosts[k].certain = false;
     }
 
     fn split(self, at: usize) -> (Self, Self) {
-        let places = self.places.split_at_mut(at);
+        let hosts = self.hosts.split_at_mut(at);
         let held = self.held.split_at_mut(at);
         let distances = self.distances.split_at_mut(at);
-        let arms = self.arms.split_at(at.min(self.arms.len()));
-        let at = at * if self.arms.is_empty() { 1 } else { 2 };
-        let velocity = self.velocity.split_at_mut(at);
+        let sharing = if self.arms.is_empty() { 1 } else { 2 };
+        let arms = self.arms.split_at_mut(at.min(self.arms.len()));
         let gradient = self.gradient.split_at_mut(at);
+        let at = at * sharing;
+        let velocity = self.velocity.split_at_mut(at);
         let change = self.change.split_at_mut(at);
         let travel = self.travel.split_at_mut(at.min(self.travel.len()));
         let speeds = self.speeds.split_at(at.min(self.speeds.len()));
         let first = Self {
+            hosts: hosts.0,
             arms: arms.0,
-            places: places.0,
             held: held.0,
             distances: distances.0,
             velocity: velocity.0,
@@ -338,8 +341,8 @@ impl Answers<'_> {
             dt: self.dt,
         };
         let second = Self {
+            hosts: hosts.1,
             arms: arms.1,
-            places: places.1,
             held: held.1,
             distances: distances.1,
             velocity: velocity.1,
@@ -353,30 +356,30 @@ impl Answers<'_> {
     }
 }
 
-/// Points in a row and their answers.
+/// Places in a row and their answers.
 struct Part<'a> {
-    /// Place of the first point among all.
+    /// Number of the first among all.
     first: usize,
-    points: &'a [Vector3<f64>],
+    places: Places<'a>,
     answers: Answers<'a>,
 }
 
 impl Part<'_> {
     /// In the middle, unless it is short.
     fn split(self) -> (Self, Option<Self>) {
-        if self.points.len() <= GRAIN {
+        if self.places.len() <= GRAIN {
             return (self, None);
         }
-        let at = (self.points.len() / 2).next_multiple_of(GRAIN);
-        let (points, others) = self.points.split_at(at);
+        let at = (self.places.len() / 2).next_multiple_of(GRAIN);
+        let (places, others) = self.places.split_at(at);
         let (answers, theirs) = self.answers.split(at);
-        let part = |first, points, answers| Self {
+        let part = |first, places, answers| Self {
             first,
-            points,
+            places,
             answers,
         };
         let second = part(self.first + at, others, theirs);
-        (part(self.first, points, answers), Some(second))
+        (part(self.first, places, answers), Some(second))
     }
 }
 
@@ -415,6 +418,8 @@ pub(crate) struct Rendezvous {
     pub placements: Vec<Placement>,
     /// The points or, out of the domain, the nearest places in it \[m\].
     pub held: Vec<Vector3<f64>>,
+    /// From the middle of a pair to its second point \[m\]; empty without pairs.
+    pub arms: Vec<Vector3<f64>>,
     /// From their elements \[m\], of those outside.
     distances: Vec<f64>,
 }
@@ -436,6 +441,7 @@ impl Rendezvous {
             quantum: 1e-9 * scale,
             placements: Vec::new(),
             held: Vec::new(),
+            arms: Vec::new(),
             distances: Vec::new(),
         }
     }
@@ -449,25 +455,28 @@ impl Rendezvous {
         }
     }
 
-    /// Places every point and puts what the hosts say of it, or what it meets in its `motion`, into `ambient`; of pairs of points,
-    /// whose middles are placed, what both meet at the ends of their `arms`. Collective; one round of messages when no
-    /// point has left the elements of its host, two otherwise. Points that this rank hosts itself are in none.
+    /// Finds every place and puts what the hosts say of it, or what a point meets in its `motion`, into `ambient`; of pairs what both
+    /// of them meet. Collective; one round of messages when no place has left the elements of its host, two otherwise.
+    /// Places that this rank hosts itself are in none.
     pub fn place<S: Source>(
         &mut self,
-        points: &[Vector3<f64>],
-        arms: &[Vector3<f64>],
+        places: &Places<'_>,
         motion: Option<Motion<'_>>,
         host: &Host<'_, S>,
         ambient: &mut Ambient,
     ) -> Result<(), CouplingError> {
-        if self.placements.len() != points.len() {
-            self.placements = points.iter().map(|p| self.first_guess(p)).collect();
+        if self.placements.len() != places.len() {
+            let all = (0..places.len()).map(|k| self.first_guess(&places.at(k)));
+            self.placements = all.collect();
         }
-        self.held.resize(points.len(), Vector3::zeros());
-        self.distances.resize(points.len(), 0.0);
-        let count = points.len() + arms.len();
+        self.held.resize(places.len(), Vector3::zeros());
+        self.distances.resize(places.len(), 0.0);
+        let pairs = if places.paired() { places.len() } else { 0 };
+        self.arms.resize(pairs, Vector3::zeros());
+        let count = places.points();
         ambient.velocity.resize(count, Vector3::zeros());
-        ambient.gradient.resize(count, Matrix3::zeros());
+        ambient.gradient.resize(places.len(), Matrix3::zeros());
+        ambient.paired = places.paired();
         ambient.change.resize(count, Vector3::zeros());
         let travels = motion.is_some_and(|motion| motion.travels);
         let travelling = if travels { count } else { 0 };
@@ -476,37 +485,36 @@ impl Rendezvous {
         // Points that this rank hosts itself: no message, and nothing on the way.
         let all = Part {
             first: 0,
-            points,
-            answers: self.answers(arms, motion, ambient),
+            places: *places,
+            answers: self.answers(motion, ambient),
         };
         let bad = rayon::iter::split(all, Part::split)
             .filter_map(|mut part| host.reply_here(&mut part, own))
             .min();
         if self.communicator.size() == 1 {
-            return self.agree(points, bad, false).map(|_| ());
+            return self.agree(places, bad, false).map(|_| ());
         }
         let mut asked: Vec<(u32, u32)> = Vec::new();
         if bad.is_none() {
             let hosts = self.placements.iter().map(|place| place.rank);
             asked.extend((0..).zip(hosts).filter(|&(_, rank)| rank != own));
         }
-        let replies = self.ask(points, &asked, host);
-        let mut answers = self.answers(arms, motion, ambient);
+        let replies = self.ask(places, &asked, host);
+        let mut answers = self.answers(motion, ambient);
         for (&(k, rank), reply) in asked.iter().zip(&replies) {
-            answers.keep_reply(k as usize, rank, reply);
+            answers.keep_reply(k as usize, rank, reply, places.arm(k as usize));
         }
         let uncertain = |k: &u32| !self.placements[*k as usize].certain;
-        let points_here = if bad.is_none() { points.len() } else { 0 };
-        let open: Vec<u32> = (0..points_here as u32).filter(uncertain).collect();
-        if self.agree(points, bad, !open.is_empty())? {
-            self.ask_others(points, arms, &open, motion, host, ambient);
+        let places_here = if bad.is_none() { places.len() } else { 0 };
+        let open: Vec<u32> = (0..places_here as u32).filter(uncertain).collect();
+        if self.agree(places, bad, !open.is_empty())? {
+            self.ask_others(places, &open, motion, host, ambient);
         }
         Ok(())
     }
 
     fn answers<'a>(
         &'a mut self,
-        arms: &'a [Vector3<f64>],
         motion: Option<Motion<'a>>,
         ambient: &'a mut Ambient,
     ) -> Answers<'a> {
@@ -516,8 +524,8 @@ impl Rendezvous {
             travels: false,
         });
         Answers {
-            arms,
-            places: &mut self.placements,
+            hosts: &mut self.placements,
+            arms: &mut self.arms,
             held: &mut self.held,
             distances: &mut self.distances,
             velocity: &mut ambient.velocity,
@@ -529,10 +537,10 @@ impl Rendezvous {
         }
     }
 
-    /// True when any rank has open points; an error on all ranks when any has a point that is not finite.
+    /// True when any rank has open places; an error on all ranks when any has one that is not finite.
     fn agree(
         &self,
-        points: &[Vector3<f64>],
+        places: &Places<'_>,
         bad: Option<usize>,
         open: bool,
     ) -> Result<bool, CouplingError> {
@@ -542,10 +550,10 @@ impl Rendezvous {
         ];
         self.communicator.sum_slice(&mut flags);
         match bad {
-            Some(point) => Err(CouplingError::NotFinite {
-                point,
+            Some(k) => Err(CouplingError::NotFinite {
+                point: places.first(k),
                 rank: self.communicator.rank(),
-                position: points[point].into(),
+                position: places.at(k).into(),
             }),
             None if flags[0] > 0.0 => Err(CouplingError::OtherRank),
             None => Ok(flags[1] > 0.0),
@@ -555,8 +563,7 @@ impl Rendezvous {
     /// Second round: all other ranks that may hold something nearer than what the host found, against its own word.
     fn ask_others<S: Source>(
         &mut self,
-        points: &[Vector3<f64>],
-        arms: &[Vector3<f64>],
+        places: &Places<'_>,
         open: &[u32],
         motion: Option<Motion<'_>>,
         host: &Host<'_, S>,
@@ -568,16 +575,17 @@ impl Rendezvous {
             asked.push((k, known));
             let reach = self.distance(k as usize) + self.quantum;
             let near = (0..self.bounds.len() as u32)
-                .filter(|&r| r != known && self.outside_of(r, &points[k as usize]) <= reach);
+                .filter(|&r| r != known && self.outside_of(r, &places.at(k as usize)) <= reach);
             asked.extend(near.map(|r| (k, r)));
         }
-        let replies = self.ask(points, &asked, host);
+        let replies = self.ask(places, &asked, host);
         let replies: Vec<_> = asked.iter().zip(&replies).collect();
         for of_point in replies.chunk_by(|a, b| a.0.0 == b.0.0) {
             let best = of_point.iter().min_by_key(|(_, reply)| self.key(reply));
             if let Some(&(&(k, rank), reply)) = best {
-                self.answers(arms, motion, ambient)
-                    .keep_reply(k as usize, rank, reply);
+                let arm = places.arm(k as usize);
+                self.answers(motion, ambient)
+                    .keep_reply(k as usize, rank, reply, arm);
             }
         }
     }
@@ -591,7 +599,7 @@ impl Rendezvous {
     /// Sends (point, rank) questions and returns the answers in their order. This rank's own are not sent. Collective.
     fn ask<S: Source>(
         &self,
-        points: &[Vector3<f64>],
+        places: &Places<'_>,
         asked: &[(u32, u32)],
         host: &Host<'_, S>,
     ) -> Vec<Reply> {
@@ -600,7 +608,7 @@ impl Rendezvous {
             let known = &self.placements[k as usize];
             let same = known.rank == rank;
             outgoing[rank as usize].push(Query {
-                position: points[k as usize].into(),
+                position: places.at(k as usize).into(),
                 shift: known.shift,
                 element: if same { known.element } else { UNKNOWN },
             });

@@ -1,5 +1,7 @@
 //! How the flow gives way to the forces of the points.
 
+use crate::fetch::BLOCK;
+use crate::rendezvous::Placement;
 use crate::{Coupling, CouplingError};
 use bytemuck::{Pod, Zeroable};
 use fibreflow_fibre::{Ambient, Reaction};
@@ -55,29 +57,26 @@ impl Coupling {
         }
         let incoming = communicator.exchange(outgoing);
         let mut density = vec![[0.0]; self.mesh.total()];
-        let here = places.iter().filter(|place| place.rank == own);
-        let here = here.map(|place| (place.element as usize, place.reference));
-        let sent = incoming.iter().flatten();
-        let sent = sent.map(|share| (share.element as usize, share.reference));
-        // Points in the same element, one after the other, go to its nodes together.
-        let mut sums: Option<(usize, Moments)> = None;
-        let first = |lanes: Lanes| lanes.to_array()[0];
-        let one = Lanes::from([1.0, 0.0, 0.0, 0.0]);
-        let mut add = |(element, sums): (usize, Moments)| {
-            let nodes = self.mesh.elements.nodes(element).iter();
-            let shares = nodes.zip(sums.vertices());
-            shares.for_each(|(&i, n)| density[i as usize][0] += first(n));
-        };
-        for (element, reference) in here.chain(sent) {
-            if sums.as_ref().is_none_or(|sums| sums.0 != element) {
-                let next = (element, Moments::new(self.locator.kind(element)));
-                sums.replace(next).into_iter().for_each(&mut add);
+        for (block, next) in ahead(places) {
+            for place in next {
+                self.locator.fetch(place.element, false);
             }
-            if let Some((_, sums)) = &mut sums {
-                sums.add(one, [Lanes::ZERO; 3], reference);
+            for place in block {
+                self.locator.fetch_nodes(place.element, &density);
+            }
+            for run in block.chunk_by(|a, b| (a.element, a.rank) == (b.element, b.rank)) {
+                if run[0].rank == own {
+                    let references = run.iter().map(|place| place.reference);
+                    self.push_ones(run[0].element as usize, references, &mut density);
+                }
             }
         }
-        sums.into_iter().for_each(add);
+        for shares in &incoming {
+            for run in shares.chunk_by(|a, b| a.element == b.element) {
+                let references = run.iter().map(|share| share.reference);
+                self.push_ones(run[0].element as usize, references, &mut density);
+            }
+        }
         self.mesh.halo.accumulate(&mut density);
         let nodes = density.iter_mut().zip(&self.geometry.volumes);
         for (([density], volume), &held) in nodes.zip(&self.no_slip) {
@@ -100,17 +99,53 @@ impl Coupling {
         };
         let answered = communicator.exchange(incoming.iter().map(&mut answer).collect());
         let mut answered: Vec<_> = answered.into_iter().map(Vec::into_iter).collect();
-        let response = places.iter().map(|place| {
-            if place.rank == own {
-                at(place.element as usize, place.reference)
-            } else {
-                answered[place.rank as usize].next().unwrap_or_default()
+        // Both points of a pair push there.
+        let sharing = if self.paired { 2 } else { 1 };
+        let mut response = Vec::with_capacity(sharing * places.len());
+        for (block, next) in ahead(places) {
+            for place in next {
+                self.locator.fetch(place.element, false);
             }
-        });
-        if self.pairs.is_none() {
-            return response.collect();
+            for place in block {
+                self.locator.fetch_nodes(place.element, &density);
+            }
+            for place in block {
+                let one = if place.rank == own {
+                    at(place.element as usize, place.reference)
+                } else {
+                    answered[place.rank as usize].next().unwrap_or_default()
+                };
+                response.extend(std::iter::repeat_n(sharing as f64 * one, sharing));
+            }
         }
-        // Both points push there.
-        response.flat_map(|response| [2.0 * response; 2]).collect()
+        response
     }
+
+    /// Adds Σ N_i over points in an element to its nodes.
+    #[inline(always)]
+    fn push_ones(
+        &self,
+        element: usize,
+        references: impl Iterator<Item = [f64; 3]>,
+        density: &mut [[f64; 1]],
+    ) {
+        let kind = self.locator.kind(element);
+        let one = Lanes::from([1.0, 0.0, 0.0, 0.0]);
+        let mut moments = Moments::new(kind);
+        moments.add_all(references.map(|r| (one, [Lanes::ZERO; 3], r)));
+        let nodes = &self.locator.nodes(element)[..kind.vertices()];
+        for (&node, n) in nodes.iter().zip(moments.vertices()) {
+            density[node as usize][0] += first(n);
+        }
+    }
+}
+
+fn first(lanes: Lanes) -> f64 {
+    lanes.to_array()[0]
+}
+
+/// Blocks of places, each with the next, whose elements are asked for meanwhile.
+fn ahead(places: &[Placement]) -> impl Iterator<Item = (&[Placement], &[Placement])> {
+    let next = places.chunks(BLOCK).skip(1).chain(std::iter::once(&[][..]));
+    places.chunks(BLOCK).zip(next)
 }

@@ -147,7 +147,7 @@ impl Batch<'_> {
             for (k, p) in range.enumerate() {
                 let xi = abscissa(k, count);
                 let u = ambient.velocity[p];
-                let gradient = &ambient.gradient[p];
+                let gradient = ambient.gradient_at(p);
                 let slip = ambient.velocity_at(p, 0.5)
                     - self.velocity[i] * (1.0 - xi)
                     - self.velocity[i + 1] * xi;
@@ -341,7 +341,8 @@ impl Batch<'_> {
                 let point = &self.point_drag[p - first];
                 let t = &point.tangent;
                 let slip = self.mean_slip(i, p, xi, ambient);
-                let turn = spin(&ambient.gradient[p]) - a.mean_spin * (1.0 - xi) - b.mean_spin * xi;
+                let turn =
+                    spin(ambient.gradient_at(p)) - a.mean_spin * (1.0 - xi) - b.mean_spin * xi;
                 self.reaction_force[p - first] =
                     -(point.drag.force(t, &slip) + point.by_moment * moment);
                 self.reaction_torque[p - first] =

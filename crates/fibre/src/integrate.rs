@@ -392,7 +392,8 @@ impl FibreSystem {
     pub fn advance(&mut self, ambient: &Ambient, dt: f64) -> Result<&Reaction, FibreError> {
         let points = self.point_count();
         let change = Some(ambient.change.len()).filter(|&given| given > 0);
-        let given = [ambient.velocity.len(), ambient.gradient.len()];
+        let sharing = if ambient.paired { 2 } else { 1 };
+        let given = [ambient.velocity.len(), sharing * ambient.gradient.len()];
         for given in given.into_iter().chain(change) {
             if given != points {
                 return Err(FibreError::AmbientSize { points, given });

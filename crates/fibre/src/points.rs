@@ -9,8 +9,10 @@ use wide::f64x4;
 pub struct Ambient {
     /// Velocity u at the end of the step \[m/s\].
     pub velocity: Vec<Vector3>,
-    /// gradient\[i\]\[j\] = ∂u_i/∂x_j \[1/s\].
+    /// gradient\[i\]\[j\] = ∂u_i/∂x_j \[1/s\], by point or by pair of points: see [`Ambient::gradient_at`].
     pub gradient: Vec<Matrix3>,
+    /// Points 2k and 2k + 1 share a gradient.
+    pub paired: bool,
     /// Change of the velocity in the step, uniform in time \[m/s\]; empty where it is held.
     pub change: Vec<Vector3>,
     /// The part of `change` that comes from the way of the point through the flow, Δt v·∇u \[m/s\]; empty where `change` is
@@ -28,6 +30,12 @@ impl Ambient {
         let last = self.velocity[point];
         let change = self.change.get(point);
         change.map_or(last, |change| last + change * (moment - 1.0))
+    }
+
+    /// Velocity gradient around a point \[1/s\].
+    #[inline(always)]
+    pub fn gradient_at(&self, point: usize) -> &Matrix3 {
+        &self.gradient[point >> usize::from(self.paired)]
     }
 
     /// From the flow at the place of a point in the middle of a step of `dt` \[s\], of second order: `velocity` and the
@@ -51,7 +59,7 @@ impl Ambient {
     }
 
     /// From the flow at the places of points in the middle of a step of `dt` \[s\], with ∂u/∂t \[m/s²\] as `change` where
-    /// that is not empty, to what points of these `speeds` \[m/s\] meet: see [`Ambient::met`].
+    /// that is not empty, to what points with a gradient each, of these `speeds` \[m/s\] meet: see [`Ambient::met`].
     pub fn meet(&mut self, speeds: &[Vector3], dt: f64) {
         self.change.resize(speeds.len(), Vector3::zeros());
         self.travel.resize(speeds.len(), Vector3::zeros());
@@ -129,8 +137,6 @@ pub struct Points {
     pub position: Vec<Vector3>,
     /// Velocity of the fibre there \[m/s\].
     pub velocity: Vec<Vector3>,
-    /// Fibre length that the point stands for \[m\].
-    pub weight: Vec<f64>,
 }
 
 /// Points of a segment: two Gauss points in each of `points / 2` equal parts, so that drag and its moment are

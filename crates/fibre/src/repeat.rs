@@ -64,6 +64,7 @@ impl FibreSystem {
         if ambient.velocity.len() != points.position.len() {
             return [least, largest];
         }
+        let mut lengths = self.point_lengths();
         for (f, fibre) in self.model.fibres.iter().enumerate() {
             let section = Section::middle(2.0 * fibre.material.radius, fibre.length);
             let line_density = fibre.material.density * fibre.material.area();
@@ -71,12 +72,13 @@ impl FibreSystem {
                 let node = self.model.offsets[f] + i;
                 let span = self.motion.position[node + 1] - self.motion.position[node];
                 let tangent = span.normalize();
-                for p in self.model.points[s]..self.model.points[s + 1] {
+                let own = self.model.points[s]..self.model.points[s + 1];
+                for (p, length) in own.zip(&mut lengths) {
                     let slip = ambient.velocity[p] - points.velocity[p];
                     let drag = law.drag.resistance(&tangent, &slip, &section, &law.fluid);
                     least = least.min(2.0 * line_density / drag.normal);
                     let yielding = ambient.yielding.get(p).copied().unwrap_or(0.0);
-                    largest = largest.max(drag.normal * points.weight[p] * yielding);
+                    largest = largest.max(drag.normal * length * yielding);
                 }
             }
         }

@@ -380,9 +380,7 @@ impl FibreSystem {
         let points = self.point_count();
         out.position.resize(points, Vector3::zeros());
         out.velocity.resize(points, Vector3::zeros());
-        out.weight.resize(points, 0.0);
-        let places = out.position.iter_mut().zip(&mut out.velocity);
-        let mut points = places.zip(&mut out.weight);
+        let mut points = out.position.iter_mut().zip(&mut out.velocity);
         for f in 0..self.fibres() {
             let node = self.model.offsets[f];
             for (i, s) in self.model.segment_range(f).enumerate() {
@@ -395,15 +393,22 @@ impl FibreSystem {
                     self.motion.velocity[node + i + 1],
                 );
                 let count = self.model.points[s + 1] - self.model.points[s];
-                let length = self.model.segments[s].rest_length / count as f64;
-                for (k, ((position, velocity), weight)) in (0..count).zip(&mut points) {
+                for (k, (position, velocity)) in (0..count).zip(&mut points) {
                     let xi = abscissa(k, count);
                     *velocity = v + (w - v) * xi;
                     *position = a + (b - a) * xi + *velocity * time;
-                    *weight = length;
                 }
             }
         }
+    }
+
+    /// Fibre length that each hydrodynamic point stands for \[m\].
+    pub fn point_lengths(&self) -> impl Iterator<Item = f64> + '_ {
+        let segments = self.model.segments.iter().zip(self.model.points.windows(2));
+        segments.flat_map(|(segment, points)| {
+            let count = points[1] - points[0];
+            std::iter::repeat_n(segment.rest_length / count as f64, count)
+        })
     }
 
     /// First hydrodynamic point of each fibre and, last, the number of points.

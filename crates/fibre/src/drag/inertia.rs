@@ -40,7 +40,7 @@ impl Added {
 impl Ambient {
     /// Du/Dt at a point in a step of length `dt` \[m/s²\].
     pub(crate) fn acceleration(&self, point: usize, moment: f64, dt: f64) -> Vector3 {
-        let steady = self.gradient[point] * self.velocity_at(point, moment);
+        let steady = self.gradient_at(point) * self.velocity_at(point, moment);
         let change = self.change.get(point);
         let travel = self.travel.get(point).copied().unwrap_or_default();
         change.map_or(steady, |change| steady + (change - travel) / dt)

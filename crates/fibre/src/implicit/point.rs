@@ -60,7 +60,7 @@ impl Batch<'_> {
                 }
                 None => (
                     flow.ambient.velocity_at(p, moment),
-                    flow.ambient.gradient[p],
+                    *flow.ambient.gradient_at(p),
                 ),
             };
             let site = Site {
@@ -97,7 +97,7 @@ impl Batch<'_> {
             spread += weight * arm * arm;
             mean += velocity * weight;
             linear += velocity * (weight * arm);
-            gradient += flow.ambient.gradient[first + k] * weight;
+            gradient += flow.ambient.gradient_at(first + k) * weight;
         });
         let reach = (spread / whole).sqrt();
         let last = self.position.len() - 1;
@@ -174,7 +174,7 @@ impl Batch<'_> {
             let p = first + k;
             let slip = flow.ambient.velocity_at(p, moment) - middle - stretch * arm;
             force[k] -= drag.force(&tangent, &slip) * (share * weight);
-            let gradient = &flow.ambient.gradient[p];
+            let gradient = flow.ambient.gradient_at(p);
             let local = law.at(&tangent, gradient);
             torque[k] -= local.torque(&tangent, gradient, &angular_velocity) * (share * weight);
             if linear.is_some() {

@@ -10,12 +10,9 @@ impl LinkedSystem {
     pub fn points(&self, step: f64, points: &mut Points) {
         points.position.clear();
         points.velocity.clear();
-        points.weight.clear();
         for s in &self.segments {
             points.position.push(s.centre + s.velocity * (0.5 * step));
             points.velocity.push(s.velocity);
-            let chain = &self.chains[s.chain as usize];
-            points.weight.push(2.0 * chain.half_length);
         }
     }
 
@@ -40,7 +37,7 @@ impl LinkedSystem {
             sums.resize(self.segments.len(), Vector3::zeros());
         }
         let flow = |s: usize, x: &Vector3| {
-            let gradient = ambient.gradient[s];
+            let gradient = *ambient.gradient_at(s);
             (
                 ambient.velocity[s] + gradient * (x - points.position[s]),
                 gradient,

@@ -260,7 +260,7 @@ impl FibreSystem {
                         let force = -self.reaction.force[p];
                         let torque = -self.reaction.torque[p];
                         let given = force.dot(&ambient.velocity_at(p, 0.5))
-                            + torque.dot(&spin(&ambient.gradient[p]));
+                            + torque.dot(&spin(ambient.gradient_at(p)));
                         let taken = force.dot(&between(moved(node), moved(node + 1)))
                             + torque.dot(&between(turned(node), turned(node + 1)));
                         account.works[1] += given * dt;

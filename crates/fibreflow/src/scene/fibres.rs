@@ -16,7 +16,7 @@ use fibreflow_fibre::hydrodynamics::{
 use fibreflow_fibre::placement::CentreLine;
 use fibreflow_fibre::{
     Equilibrium, Fibre, FibreSettings, FibreSystem, Hydrodynamics, ImplicitSettings, Integrator,
-    Material, Points, Support,
+    Material, Support,
 };
 use fibreflow_parallel::Communicator;
 use nalgebra::Vector3;
@@ -260,15 +260,16 @@ pub fn length(group: &FibreGroup) -> Option<f64> {
 /// Time that a contact takes with the pairs near it, by that of a segment: 12 % of a profile for 129 contacts, 48 % for 3120 rigid segments.
 const CONTACT: f64 = 6.0;
 
-/// What the balance over ranks needs to know of each fibre; `points` are those of the fibres now.
-pub fn loads(fibres: &FibreSystem, points: &Points) -> Vec<FibreLoad> {
+/// What the balance over ranks needs to know of each fibre.
+pub fn loads(fibres: &FibreSystem) -> Vec<FibreLoad> {
+    let lengths: Vec<f64> = fibres.point_lengths().collect();
     let mut first = 0;
     let load = |fibre: usize| {
         let segments = fibres.offsets()[fibre + 1] - fibres.offsets()[fibre] - 1;
         let half = 0.5 * fibres.length(fibre);
         let (mut along, mut count, mut middle) = (0.0, 0, first);
         while along < 2.0 * half * (1.0 - 1e-9) {
-            along += points.weight[first + count];
+            along += lengths[first + count];
             if along <= half {
                 middle = first + count;
             }

@@ -267,7 +267,7 @@ impl Flow {
         let velocity = solved.fluid.velocity();
         let coupling = &mut solved.exchange.coupling;
         coupling.sample(velocity, &points.position, &mut ambient)?;
-        let loads = super::fibres::loads(fibres, &points);
+        let loads = super::fibres::loads(fibres);
         let destination = coupling.points_owner(&loads);
         fibres.migrate(&destination)?;
         Ok(())

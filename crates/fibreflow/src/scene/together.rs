@@ -183,7 +183,7 @@ fn in_motion(points: &Points, ambient: &mut Ambient, start: Option<&Ambient>, dt
     ambient.change.clear();
     ambient.travel.clear();
     for p in 0..points.position.len() {
-        let travel = dt * (ambient.gradient[p] * points.velocity[p]);
+        let travel = dt * (ambient.gradient_at(p) * points.velocity[p]);
         let growth = start.map_or(Vector3::zeros(), |s| ambient.velocity[p] - s.velocity[p]);
         ambient.velocity[p] += 0.5 * travel;
         ambient.change.push(travel + growth);
