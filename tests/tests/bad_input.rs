@@ -194,6 +194,19 @@ fn keys_that_do_not_go_with_the_inertia() {
     );
 }
 
+/// Fibres would stay behind, creeping flow has nothing to carry, walls do not move along.
+#[test]
+fn a_mesh_that_cannot_move() {
+    let frame = ["--set", "fluid.frame_velocity=[1, 0, 0]"];
+    refused(&bench(CASE), &frame, &["fluid.frame_velocity", "fibres"]);
+    let start = CASE.find("[[fibres]]").expect("fibres");
+    let alone = bench(&CASE[..start]);
+    let creeping = [&frame[..], &["--set", "fluid.inertia=steady"]].concat();
+    refused(&alone, &creeping, &["`fluid.frame_velocity` needs"]);
+    let across = ["--set", "fluid.frame_velocity=[0, 1, 0]"];
+    refused(&alone, &across, &["frame", "y_m"]);
+}
+
 #[test]
 fn a_force_that_no_node_feels() {
     let force = "fluid.forces=[{ position = [0.5, 3.0, 0.5], force = [1, 0, 0], width = 0.1 }]";

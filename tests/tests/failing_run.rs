@@ -36,3 +36,26 @@ fn on_one_rank() {
 fn on_three_ranks() {
     blows_up(3);
 }
+
+/// The fibres are not to blame.
+#[test]
+fn where_nothing_can_be_written() {
+    let case = include_str!("../src/channel.toml");
+    let bench = Bench::new(env!("CARGO_BIN_EXE_program"), case);
+    let out = bench.path("out");
+    std::fs::create_dir_all(&out).expect("folder");
+    // A folder where nothing can be written, whoever asks.
+    std::os::unix::fs::symlink("/proc/self", out.join("fluid")).expect("link");
+    let ended = bench
+        .run(1, "out", &["--steps", "400"])
+        .expect("one rank needs no mpirun");
+    assert_eq!(ended.status.code(), Some(1), "{}", ended.text);
+    for part in [
+        "the run stopped in step",
+        "cannot be written",
+        "a full disk",
+    ] {
+        assert!(ended.text.contains(part), "no `{part}` in:\n{}", ended.text);
+    }
+    assert!(!ended.text.contains("driven"), "{}", ended.text);
+}

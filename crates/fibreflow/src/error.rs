@@ -20,6 +20,8 @@ pub struct ProgramError {
     pub message: Option<String>,
     /// Exit code: [`FAILED`] or [`BAD_INPUT`].
     pub code: u8,
+    /// What the run found could not be kept; nothing is wrong with the run itself.
+    pub unwritten: bool,
 }
 
 impl ProgramError {
@@ -28,6 +30,7 @@ impl ProgramError {
         Self {
             message: Some(message.to_string()),
             code: BAD_INPUT,
+            unwritten: false,
         }
     }
 
@@ -36,12 +39,25 @@ impl ProgramError {
         Self {
             message: Some(message.to_string()),
             code: FAILED,
+            unwritten: false,
         }
     }
 
     /// A file could not be written.
     pub fn output(path: &std::path::Path, error: &std::io::Error) -> Self {
-        Self::failed(format!("{} cannot be written: {error}", path.display()))
+        Self::unwritten(format!("{} cannot be written: {error}", path.display()))
+    }
+
+    /// A line of a series could not be written.
+    pub fn series(error: std::io::Error) -> Self {
+        Self::unwritten(format!("a series cannot be written: {error}"))
+    }
+
+    fn unwritten(message: String) -> Self {
+        Self {
+            unwritten: true,
+            ..Self::failed(message)
+        }
     }
 }
 
@@ -97,9 +113,14 @@ pub fn agree<T>(
     }
     let code = result.as_ref().err().map_or(0, |e| e.code);
     let code = communicator.max(f64::from(code)) as u8;
+    let unwritten = result.as_ref().err().is_some_and(|e| e.unwritten);
     let own = result.err().and_then(|e| e.message);
     let message = own.filter(|_| speaker == rank);
-    Err(ProgramError { message, code })
+    Err(ProgramError {
+        message,
+        code,
+        unwritten,
+    })
 }
 
 /// Ends every rank after an error that perhaps only this one has seen. A rank that has nothing to say leaves the one

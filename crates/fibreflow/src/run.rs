@@ -205,9 +205,11 @@ impl Run {
 
     /// The error with step, likely cause and what is left, also in the log.
     fn explained(&self, error: ProgramError) -> ProgramError {
-        let message = error.message.unwrap_or_default();
+        let message = error.message.as_deref().unwrap_or_default();
         let (step, time, cfl) = (self.clock.step, self.clock.time, self.figures.cfl);
-        let cause = if self.scene.flow.convects() && (cfl.is_nan() || cfl > LARGEST_CFL) {
+        let cause = if error.unwritten {
+            "likely causes: a full disk, or a folder that was removed".to_owned()
+        } else if self.scene.flow.convects() && (cfl.is_nan() || cfl > LARGEST_CFL) {
             format!(
                 "likely cause: the Courant number {cfl:.3} of the step; take a smaller `time.step`, or give `time.cfl`"
             )
@@ -221,7 +223,7 @@ impl Run {
         );
         ProgramError {
             message: self.speaks(&message).then_some(message),
-            code: error.code,
+            ..error
         }
     }
 }

@@ -110,7 +110,7 @@ impl FibreSeries {
         for (series, values) in lines {
             if let Some(series) = series {
                 let written = series.line(clock.step, clock.time, &values);
-                written.map_err(failed)?;
+                written.map_err(ProgramError::series)?;
             }
         }
         Ok(())
@@ -128,7 +128,9 @@ impl FibreSeries {
             &mut self.stress,
         ];
         let mut files = files.into_iter().flatten();
-        files.try_for_each(Series::flush).map_err(failed)
+        files
+            .try_for_each(Series::flush)
+            .map_err(ProgramError::series)
     }
 
     fn orientation_values(&self, fibres: &FibreSystem) -> Vec<f64> {
@@ -142,10 +144,6 @@ impl FibreSeries {
         values.extend(fibres.phase_distribution(shear, inside, bins).density);
         values
     }
-}
-
-fn failed(error: std::io::Error) -> ProgramError {
-    ProgramError::failed(format!("a series cannot be written: {error}"))
 }
 
 fn numbered(name: &str, bins: usize) -> impl Iterator<Item = String> {

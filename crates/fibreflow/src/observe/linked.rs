@@ -124,7 +124,7 @@ impl StructureSeries {
             ]);
         }
         let written = self.series.line(clock.step, clock.time, &values);
-        written.map_err(failed)
+        written.map_err(ProgramError::series)
     }
 
     /// Hands everything to the system.
@@ -132,10 +132,6 @@ impl StructureSeries {
     /// # Errors
     /// A file that cannot be written.
     pub fn flush(&mut self) -> Result<(), ProgramError> {
-        self.series.flush().map_err(failed)
+        self.series.flush().map_err(ProgramError::series)
     }
-}
-
-fn failed(error: std::io::Error) -> ProgramError {
-    ProgramError::failed(format!("a series cannot be written: {error}"))
 }

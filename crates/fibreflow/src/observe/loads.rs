@@ -112,7 +112,8 @@ impl LoadSeries {
         let Some(file) = &mut self.file else {
             return Ok(());
         };
-        file.line(clock.step, clock.time, &line).map_err(failed)
+        file.line(clock.step, clock.time, &line)
+            .map_err(ProgramError::series)
     }
 
     /// Hands everything to the system.
@@ -121,7 +122,10 @@ impl LoadSeries {
     /// A file that cannot be written.
     pub fn flush(&mut self) -> Result<(), ProgramError> {
         let flushed = self.file.as_mut().map(Series::flush);
-        flushed.transpose().map(|_| ()).map_err(failed)
+        flushed
+            .transpose()
+            .map(|_| ())
+            .map_err(ProgramError::series)
     }
 }
 
@@ -145,10 +149,6 @@ pub fn loads(scene: &Scene, case: &Case) -> Option<LoadSummary> {
         patches: patches.iter().map(summary).collect(),
         coefficients: coefficients(about, &sum, fluid).collect(),
     })
-}
-
-fn failed(error: std::io::Error) -> ProgramError {
-    ProgramError::failed(format!("a series cannot be written: {error}"))
 }
 
 /// The patches that are meant, in the order of the case or of the mesh.

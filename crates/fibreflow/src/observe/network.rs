@@ -50,7 +50,7 @@ impl NetworkSeries {
             let [travelled, speed] = linked.piston();
             let values = [travelled, speed, linked.piston_load()];
             let written = series.line(clock.step, clock.time, &values);
-            written.map_err(failed)?;
+            written.map_err(ProgramError::series)?;
         }
         if let Some((about, series)) = &mut self.grips {
             let pull = |plane: u8| {
@@ -65,7 +65,7 @@ impl NetworkSeries {
                 linked.grips().len() as f64,
             ];
             let written = series.line(clock.step, clock.time, &values);
-            written.map_err(failed)?;
+            written.map_err(ProgramError::series)?;
         }
         Ok(())
     }
@@ -77,10 +77,7 @@ impl NetworkSeries {
     pub fn flush(&mut self) -> Result<(), ProgramError> {
         let grips = self.grips.as_mut().map(|(_, series)| series);
         let mut open = self.piston.iter_mut().chain(grips);
-        open.try_for_each(Series::flush).map_err(failed)
+        open.try_for_each(Series::flush)
+            .map_err(ProgramError::series)
     }
-}
-
-fn failed(error: std::io::Error) -> ProgramError {
-    ProgramError::failed(format!("a series cannot be written: {error}"))
 }

@@ -135,7 +135,7 @@ impl SampleOutput {
     pub fn flush(&mut self) -> Result<(), ProgramError> {
         for set in &mut self.sets {
             if let Form::Series(Some(series)) = &mut set.form {
-                series.flush().map_err(failed)?;
+                series.flush().map_err(ProgramError::series)?;
             }
         }
         Ok(())
@@ -157,7 +157,10 @@ impl Set {
             Form::Series(series) => {
                 let line: Vec<f64> = sampled.iter().flat_map(|v| values(v, density)).collect();
                 let write = |s: &mut Series| s.line(clock.step, clock.time, &line);
-                series.as_mut().map_or(Ok(()), write).map_err(failed)
+                series
+                    .as_mut()
+                    .map_or(Ok(()), write)
+                    .map_err(ProgramError::series)
             }
             Form::Table if root => {
                 let path = folder.join(format!("samples/{}_{:08}.csv", self.name, clock.step));
@@ -192,10 +195,6 @@ impl Set {
             }
         }
     }
-}
-
-fn failed(error: std::io::Error) -> ProgramError {
-    ProgramError::failed(format!("a series cannot be written: {error}"))
 }
 
 fn point_set(at: &SamplePoints) -> PointSet {

@@ -205,9 +205,7 @@ impl AllSeries {
         .chain(tracks)
         .flatten()
         {
-            series
-                .flush()
-                .map_err(|e| ProgramError::failed(format!("a series cannot be written: {e}")))?;
+            series.flush().map_err(ProgramError::series)?;
         }
         Ok(())
     }
@@ -217,7 +215,7 @@ fn put(series: &mut Option<Series>, clock: &Clock, values: &[f64]) -> Result<(),
     match series {
         Some(series) => series
             .line(clock.step, clock.time, values)
-            .map_err(|e| ProgramError::failed(format!("a series cannot be written: {e}"))),
+            .map_err(ProgramError::series),
         None => Ok(()),
     }
 }

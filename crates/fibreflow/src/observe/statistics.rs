@@ -115,7 +115,10 @@ impl StatisticsOutput {
             f.driving_force,
         ];
         let line = |s: &mut Series| s.line(clock.step, clock.time, &values);
-        self.series.as_mut().map_or(Ok(()), line).map_err(failed)
+        self.series
+            .as_mut()
+            .map_or(Ok(()), line)
+            .map_err(ProgramError::series)
     }
 
     /// Hands everything to the system.
@@ -124,7 +127,10 @@ impl StatisticsOutput {
     /// A file that cannot be written.
     pub fn flush(&mut self) -> Result<(), ProgramError> {
         let flushed = self.series.as_mut().map(Series::flush);
-        flushed.transpose().map(|_| ()).map_err(failed)
+        flushed
+            .transpose()
+            .map(|_| ())
+            .map_err(ProgramError::series)
     }
 
     /// What a checkpoint keeps. Collective.
@@ -190,10 +196,6 @@ impl StatisticsOutput {
             stress_residual: f.stress_residual,
         }
     }
-}
-
-fn failed(error: std::io::Error) -> ProgramError {
-    ProgramError::failed(format!("a series cannot be written: {error}"))
 }
 
 fn settings(about: &About, end: f64) -> StatisticsSettings {

@@ -75,7 +75,9 @@ impl TurbulenceSeries {
             return Ok(());
         };
         let put = |series: &mut Option<Series>, values: &[f64]| match series {
-            Some(series) => series.line(clock.step, clock.time, values).map_err(failed),
+            Some(series) => series
+                .line(clock.step, clock.time, values)
+                .map_err(ProgramError::series),
             None => Ok(()),
         };
         if let Some((schedule, series)) = &mut self.budget
@@ -99,7 +101,7 @@ impl TurbulenceSeries {
         let budget = self.budget.as_mut().and_then(|(_, series)| series.as_mut());
         let spectrum = self.spectrum.as_mut().and_then(|(_, s, _)| s.as_mut());
         let mut open = budget.into_iter().chain(spectrum);
-        open.try_for_each(|series| series.flush().map_err(failed))
+        open.try_for_each(|series| series.flush().map_err(ProgramError::series))
     }
 }
 
@@ -129,8 +131,4 @@ fn budget(fluid: &Fluid) -> [f64; BUDGET.len()] {
         budget.large_eddy_length(),
         budget.turnover_time(),
     ]
-}
-
-fn failed(error: std::io::Error) -> ProgramError {
-    ProgramError::failed(format!("a series cannot be written: {error}"))
 }
