@@ -1,12 +1,15 @@
 """Rigid fibres in shear (C6, Kunhappan 2018, table 6.1): .venv/bin/python cases/shear-rheology/validate.py
 
     [--members NAME...]   of rp18-cv0.0075 rp18-cv0.015 rp18-cv0.035 rp32-cv0.0075 rp32-cv0.015 rp32-cv0.035; default all
-    [--minutes M]         wall time of each member in this call, at most 100; 0 looks at what is there. Default 60
+    [--minutes M]         wall time of each run in this call, at most 100; 0 looks at what is there. Default 60
+    [--periods P]         of Jeffery's orbit, at most. Default 30
+    [--seeds N]           replicates, from other places and directions. Default 1
     [--quick]             rp18-cv0.0075 alone, ten minutes
     [--program PATH]      fibreflow; default target/release/fibreflow
     [--out DIR]           default runs/validate/shear-rheology
 
-A member that was begun goes on from its last checkpoint. Writes members.csv, rheology.png and, of every member, the pdfs.
+A run that was begun goes on from its last checkpoint. Writes members.csv, rheology.png and, of every member, the pdfs and means by period of the orbit; errors are
+those of blocks of one run or, where there are more, of the seeds.
 """
 
 import argparse
@@ -39,12 +42,13 @@ def name(ratio, fraction):
     return f"rp{ratio}-cv{fraction}"
 
 
-def settings(ratio, fraction):
+def settings(ratio, fraction, seed, periods):
     length, n = ratio * DIAMETER, SEGMENTS[ratio]
     size = [3 * length, 4 * length, 3 * length]
     wall = RATE * size[1] / 2
     return {
         "fibres.0.placement.count": COUNTS[ratio, fraction],
+        "fibres.0.placement.seed": seed,
         "fibres.0.length": length,
         "fibres.0.segments": n,
         "mesh.size": size,
@@ -53,7 +57,7 @@ def settings(ratio, fraction):
         "fluid.boundaries.y_min.velocity": [-wall, 0.0, 0.0],
         "fluid.boundaries.y_max.velocity": [wall, 0.0, 0.0],
         "output.observables.wall_margin": 0.25 * length,
-        "time.end": 30 * theory.period(ratio, RATE),
+        "time.end": periods * theory.period(ratio, RATE),
     }
 
 
@@ -63,9 +67,9 @@ def toml(value):
     return repr(float(value)) if isinstance(value, float) else repr(value)
 
 
-def run(program, folder, member, minutes):
+def run(program, folder, member, seed, periods, minutes):
     command = [program, "run", HERE / "case.toml", "--out", folder]
-    for key, value in {**settings(*member), "output.wall_time_limit": 60.0 * minutes}.items():
+    for key, value in {**settings(*member, seed, periods), "output.wall_time_limit": 60.0 * minutes}.items():
         command += ["--set", f"{key}={toml(value)}"]
     if any((folder / "checkpoint").glob("step_*/index.json")):
         command.append("--resume")
@@ -107,6 +111,21 @@ def measure(member, directions, stress):
     row["N2"], row["N2_error"] = (v / scale for v in mean(stress.n2, start))
     row["N1_sf"], row["N2_sf"] = theory.normal_differences(coefficient["sf"], means)
     return row
+
+
+def over_seeds(tables):
+    """Mean of tables line by line, as far as the shortest goes."""
+    lines = min(map(len, tables))
+    return sum(table.iloc[:lines] for table in tables) / len(tables)
+
+
+def by_period(tables):
+    """Means over each period of the orbit, with standard errors over seeds."""
+    means = pd.concat([table[["a_xxyy", "orbit_mean"]].groupby(np.ceil(table.index)).mean() for table in tables], keys=range(len(tables)))
+    seeds = means.groupby(level=1)
+    errors = seeds.std() / np.sqrt(seeds.count())
+    columns = {"px2py2": seeds.mean().a_xxyy, "px2py2_error": errors.a_xxyy, "C_b": seeds.mean().orbit_mean, "C_b_error": errors.orbit_mean, "seeds": seeds.count().a_xxyy}
+    return pd.DataFrame(columns).rename_axis("period")
 
 
 def densities(directions, start):
@@ -165,6 +184,8 @@ def figure(found, path):
         axis.set_ylabel(y)
     axes[0, 0].legend(fontsize=7)
     axes[0, 0].set_ylim(0, 0.04)
+    # Walls that start have what they need to set the fluid in motion.
+    axes[0, 2].set_ylim(0, 1.5 * max(row["mu_rel"] - 1 for *_, row in found.values()))
     axes[1, 0].set_yscale("log")
     axes[1, 0].legend(fontsize=7)
     axes[1, 1].legend(fontsize=7)
@@ -183,6 +204,8 @@ def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--members", nargs="+", default=list(every), choices=list(every))
     parser.add_argument("--minutes", type=float, default=60)
+    parser.add_argument("--periods", type=float, default=30)
+    parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--program", type=pathlib.Path, default=ROOT / "target" / "release" / "fibreflow")
     parser.add_argument("--out", type=pathlib.Path, default=ROOT / "runs" / "validate" / "shear-rheology")
@@ -192,14 +215,22 @@ def main():
     options.out.mkdir(parents=True, exist_ok=True)
     found, missed = {}, []
     for label in options.members:
-        member, folder = every[label], options.out / label
-        if options.minutes > 0:
-            run(options.program, folder, member, min(options.minutes, 100))
-        if not (folder / "series" / "stress.csv").exists():
+        member = every[label]
+        folders = [options.out / (label if seed == 1 else f"{label}-seed{seed}") for seed in range(1, options.seeds + 1)]
+        for seed, folder in enumerate(folders, 1):
+            if options.minutes > 0:
+                run(options.program, folder, member, seed, options.periods, min(options.minutes, 100))
+        runs = [read(folder, member[0]) for folder in folders if (folder / "series" / "stress.csv").exists()]
+        if not runs:
             missed.append(f"{label}: not run")
             continue
-        directions, stress = read(folder, member[0])
+        directions, stress = (over_seeds(tables) for tables in zip(*runs))
         row = measure(member, directions, stress)
+        if len(runs) > 1:
+            rows = pd.DataFrame([measure(member, *own) for own in runs])
+            row |= {column: rows[column.removesuffix("_error")].std() / np.sqrt(len(rows)) for column in row if column.endswith("_error")}
+        row["seeds"] = len(runs)
+        by_period([own for own, _ in runs]).to_csv(options.out / f"{label}-periods.csv", float_format="%.5g")
         found[member] = directions, stress, row
         (angle, phases), (orbit, orbits) = densities(directions, row["averaged_from"])
         pdfs = {"phi": angle, "phi_density": phases, "phi_jeffery": theory.phase_density(member[0], angle), "C_b": orbit, "C_b_density": orbits}

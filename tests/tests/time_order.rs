@@ -41,7 +41,8 @@ checkpoint = { every = 1000 }
 
 #[test]
 fn fibres_follow_a_changing_flow_to_second_order() {
-    for kernel in ["", "kernel = \"gaussian\"\nwidth = 0.06"] {
+    let middle = "kernel = \"middle\"";
+    for kernel in ["", middle, "kernel = \"gaussian\"\nwidth = 0.06"] {
         let bench = Bench::new(
             env!("CARGO_BIN_EXE_program"),
             &CASE.replace("KERNEL", kernel),
