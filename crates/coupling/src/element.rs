@@ -348,33 +348,50 @@ struct Target<'a> {
 impl Target<'_> {
     /// Adds loads in their order, whatever the number of threads.
     fn take(&mut self, count: usize, loads: &impl Loads, sums: &mut Sums) {
+        if rayon::current_num_threads() == 1 {
+            self.take_alone(count, loads, sums);
+        } else {
+            self.take_together(count, loads, sums);
+        }
+    }
+
+    #[inline(never)]
+    fn take_alone(&mut self, count: usize, loads: &impl Loads, sums: &mut Sums) {
+        let locator = self.locator;
+        for start in (0..count).step_by(BLOCK) {
+            let block = start..count.min(start + BLOCK);
+            let elements = runs(block.clone().map(|k| loads.hint(k).0));
+            elements.for_each(|e| locator.fetch_nodes(e, self.nodal));
+            let of_block = gather(locator, block, count, loads, |run| self.add(run));
+            sums.add(&of_block);
+        }
+    }
+
+    #[inline(never)]
+    fn take_together(&mut self, count: usize, loads: &impl Loads, sums: &mut Sums) {
         let locator = self.locator;
         let block = |b: usize| b * BLOCK..count.min((b + 1) * BLOCK);
         let blocks = count.div_ceil(BLOCK);
-        if rayon::current_num_threads() == 1 {
-            for b in 0..blocks {
-                let elements = runs(block(b).map(|k| loads.hint(k).0));
-                elements.for_each(|e| locator.fetch_nodes(e, self.nodal));
-                sums.add(&gather(locator, block(b), count, loads, |run| {
-                    self.add(run)
-                }));
-            }
-            return;
-        }
-        let mut gathered: Vec<(Sums, Vec<Run<'_>>)> = Vec::with_capacity(BLOCKS.min(blocks));
+        let several = |first: usize| -> Vec<(Sums, Vec<Run<'_>>)> {
+            let several = first.min(blocks)..blocks.min(first + BLOCKS);
+            let gathered = several.into_par_iter().map(|b| {
+                let mut runs = Vec::with_capacity(BLOCK);
+                let sums = gather(locator, block(b), count, loads, |run| runs.push(*run));
+                (sums, runs)
+            });
+            gathered.collect()
+        };
+        // While one thread adds, the others sum what comes next.
+        let mut gathered = several(0);
         for first in (0..blocks).step_by(BLOCKS) {
-            (first..blocks.min(first + BLOCKS))
-                .into_par_iter()
-                .map(|b| {
-                    let mut runs = Vec::with_capacity(BLOCK);
-                    let sums = gather(locator, block(b), count, loads, |run| runs.push(*run));
-                    (sums, runs)
-                })
-                .collect_into_vec(&mut gathered);
-            for (of_block, runs) in gathered.drain(..) {
-                sums.add(&of_block);
-                runs.iter().for_each(|run| self.add(run));
-            }
+            let add = || {
+                for (of_block, runs) in &gathered {
+                    sums.add(of_block);
+                    runs.iter().for_each(|run| self.add(run));
+                }
+            };
+            let (next, ()) = rayon::join(|| several(first + BLOCKS), add);
+            gathered = next;
         }
     }
 
