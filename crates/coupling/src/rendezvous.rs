@@ -5,7 +5,7 @@ use crate::boxes::Bounds;
 use crate::element::Cell;
 use crate::fetch::{BLOCK, runs};
 use crate::lattice::{Lattice, Shift};
-use crate::locate::{Bent, Location, Locator, Near};
+use crate::locate::{Bent, Hint, Location, Locator, Near};
 use crate::pairs::Places;
 use bytemuck::{Pod, Zeroable};
 use fibreflow_fibre::Ambient;
@@ -136,6 +136,7 @@ impl<S: Source> Host<'_, S> {
     fn reply_here(&self, part: &mut Part<'_>, own: u32) -> Option<usize> {
         let mut kept = Kept::default();
         let mut near: Option<Near<'_>> = None;
+        let mut before: Hint = (UNKNOWN, [0; 3]);
         runs_of(part, 0..GRAIN).for_each(|e| self.locator.fetch(e, true));
         for start in (0..part.places.len()).step_by(GRAIN) {
             let block = start..part.places.len().min(start + GRAIN);
@@ -152,13 +153,23 @@ impl<S: Source> Host<'_, S> {
                     return Some(part.first + k);
                 }
                 let mut alone = |near: &Near<'_>| near.alone(point, &mut kept.bent);
-                let mut reference = near.as_ref().and_then(&mut alone);
-                if reference.is_none() {
-                    // Where the point was last.
-                    let place = &part.answers.hosts[k];
-                    if let Some(last) = self.locator.near((place.element, place.shift)) {
-                        reference = alone(&last);
-                        near = Some(last);
+                let host = &part.answers.hosts[k];
+                let last = (host.element, host.shift);
+                // Places that were in one element are in one again, most often; others where they were.
+                let together = last == before;
+                before = last;
+                let mut reference = None;
+                if together {
+                    reference = near.as_ref().and_then(&mut alone);
+                }
+                let tried = |near: &Near<'_>| together && (near.element, near.shift) == last;
+                if reference.is_none() && !near.as_ref().is_some_and(tried) {
+                    let own = self.locator.near(last);
+                    reference = own.as_ref().and_then(&mut alone);
+                    if reference.is_some() {
+                        near = own;
+                    } else if !together {
+                        reference = near.as_ref().and_then(&mut alone);
                     }
                 }
                 match (&near, reference) {
