@@ -205,7 +205,10 @@ impl Run {
 
     /// The error with step, likely cause and what is left, also in the log.
     fn explained(&self, error: ProgramError) -> ProgramError {
-        let message = error.message.as_deref().unwrap_or_default();
+        // Another rank has what there is to say.
+        let Some(message) = &error.message else {
+            return error;
+        };
         let (step, time, cfl) = (self.clock.step, self.clock.time, self.figures.cfl);
         let cause = if error.unwritten {
             "likely causes: a full disk, or a folder that was removed".to_owned()
